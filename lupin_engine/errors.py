@@ -61,7 +61,10 @@ def near(file: str) -> str:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One finding: its place, the problem, and the allowed values or the remedy."""
+    """One finding: its place, the problem, and the allowed values or the remedy.
+
+    `stricter` names the row of `chart.strictness` by which an older engine accepted this, '' for none.
+    """
 
     place: Place
     rule: str
@@ -69,6 +72,7 @@ class Diagnostic:
     problem: str
     hint: str = ""
     severity: Severity = Severity.ERROR
+    stricter: str = ""
 
     @property
     def kind(self) -> str:

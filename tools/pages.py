@@ -34,6 +34,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from lupin_cli.main import main as run_lupin
+from lupin_engine.missions.folders import default_missions_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -41,6 +42,8 @@ DOCS = ROOT / "docs"
 #: Book -> its pages, in the order in which they are read.
 BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
     {
+        "ten-minutes": (DOCS / "ten-minutes.md",),
+        "coming-from": (DOCS / "coming-from.md",),
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
         "tutorial": (DOCS / "tutorial-new-mission.md",),
@@ -229,7 +232,8 @@ class Reader:
             os.chdir(before)
             os.environ.clear()
             os.environ.update(environment)
-        return _TOOK.sub(r"\1 0.01 s", written.getvalue())
+        said = written.getvalue().replace(f"{default_missions_folder()}/", ".../missions/")
+        return _TOOK.sub(r"\1 0.01 s", said)
 
 
 def _filtered(lines: list[str], words: Sequence[str]) -> list[str]:

@@ -147,74 +147,125 @@ def _block(language: str, text: str) -> Iterator[str]:
 LANGUAGE_HEAD = """\
 # The language of missions
 
-A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
-is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
-and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use another mission.
-`lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a mission can do
-comes from plugins; a service that no plugin calls is connected by a [binding](#bindings), a fourth kind of
-file. The shipped ones in `missions/` are the best introduction; this page is for looking things up. What
-`lupin check` says about a file is explained in [rules.md](rules.md).
+A mission is a statechart in YAML. This page is for looking things up; the files in `missions/` are the best
+introduction, and the [glossary](glossary.md) explains the words of statecharts. A key of a file is its
+kind:
+
+- a *lifecycle* is what all missions share: starting up, pausing, driving home. It is `lifecycle.yaml`,
+  beside the missions; that of a project usually [extends](#a-lifecycle-that-extends-another) the shipped one;
+- a *mission* is what a robot is asked to do. It stands in the lifecycle's slot;
+- a *part* is a piece that missions use, in the folder `parts`. A mission may also use another mission;
+- a [*binding*](#bindings) connects a ROS service, action or topic that no plugin offers, in the folder
+  `bindings`.
+
+Plugins bring the operations, events and live values of missions: see [what they offer](catalog.md).
+`lupin check` reports mistakes in a file; [rules.md](rules.md) explains each of them. Each file may say
+`lupin: 1`, the version of the language; [stability](stability.md) says what goes on working, and how long.
 
 ## How a chart runs
 
-- A state is active or not. With a state one of its children is active, with a parallel one all of them
-  (its *regions*). Targets are looked for in the nearest state around that has a child of that name, and
-  further down with dots (`RETURNING.DOCKED`); the states of a part that a state uses come last.
-- An event is offered to the innermost active states first, then outwards; within a state in the order
-  written. The first transition whose guard is true is taken. One without a target runs its actions and
-  leaves nothing.
-- Taking a transition leaves states (`exit`), runs its actions (`do`) and enters states (`entry`). Then
-  whatever is enabled without an event follows (`always`, levels), then what was raised, until nothing more
-  happens. Only then operations begin. No time passes meanwhile.
-- `event` has the fields of the event that is dealt with. It stays visible in what follows at once without
-  an event: in the `entry` and the operation of what is entered, and in an `always` that is taken in the
-  same step. A field that one of the ways to an expression does not bring is an error of the checker; keep
-  it in a variable where it is seen.
-- An operation lives as long as its state: leaving the state cancels it. Its end is `on_done` or `on_error`.
-  An error that nobody handles, and an expression or action that fails, leads to the lifecycle's FAULT
-  (`lupin simulate` shows that as `error.execution`).
-- What a hold or leaving the state ended does not count as a try of `retry`. The share of `jitter` is drawn
-  from a seed, the mission and the attempt: the same inputs give the same pauses.
-- A *hold* (a pause, an emergency stop) suspends the whole chart: what moves the robot is cancelled, clocks
-  stand still, answers wait. After the release the chart first comes to rest; then what was cancelled begins
-  again in the states that are still active, or ends as its `on_hold` says. A request is answered at once all
-  the same: a transition that says `during` or `releases` is taken, anything else refused.
-- A mission begins when its request is accepted: its variables and those of its parts have their defaults,
-  its `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock,
-  is no beginning. Variables of the lifecycle keep their values from mission to mission. While an invariant
-  does not hold no mission begins.
-- *Properties* are for proofs, campaigns and tests: they say what is true of every run, and the robot does not
-  watch them. What must stop the robot is an invariant.
-- The itineraries of one mission are counted together, in what is published and in its summary; one that is
-  begun anew adds its targets again. The targets of an itinerary that depends on the request alone are known
-  from the start. `itinerary.close_rest` closes the itinerary around, else those inside the state that it
-  is written in, and in the lifecycle all of the mission, however early that ends: a target that several of
-  them have is told once, as long as none of them is begun.
-- A *part* that a mission uses twice has its variables once: both uses read and set the same ones, and each
-  goes on with what the other has left, also at the same time in a `parallel` state. To begin with a value of
-  its own, a use sets it in its `entry`. Parameters are by use: `with` gives each its own.
-- A *mission as a part*: `use: inspection` stands for the states of `inspection.yaml` beside the file, and
-  `with` gives fields of its request; one that is not given has its default. It is what it is by itself: it
-  reads its own request, and names its own states and those of the lifecycle, none of the mission around.
-  Whenever the state is entered, but not by history, it begins: its request, which is an error where the
-  mission would refuse it, its variables and those of its parts, its budgets and its `entry`. Its end is
-  `on_done` of the state, with the `result` of that end. What leads to a state of the lifecycle leads the
-  whole mission there; a history comes back into the mission that was left, however deep it stands. What is
-  reported and observed is of the mission that was started, and `since: mission` counts from its start.
-- A *code* is why something happened, with a detail for people. Each time that one is reported is an event: in
-  the log, the live view and the record of the run, with the target that it is about. Of all that a mission
-  has reported, the newest of the worst is published with its label, as `last_error`. A refused request is
-  answered with a code, which reports nothing.
-- A live value is *unknown* before its first report, or when that is too old. A guard that reads it is then
-  false, so ask with `known(...)`. What a guard has asked counts for the `do` of its transition.
+**States.** A state is active or not. An active state has one active child; in a parallel state all
+children, the *regions*, are active together. A transition finds its target by name, in the nearest state
+around it with a child of that name. Dots lead further down (`RETURNING.DOCKED`). The states of a part that
+a state uses come last.
+
+**Events.** An event goes to the innermost active states first, then outwards. Within a state the
+transitions are tried in the order of the file, and the first whose guard is true is taken. A transition
+without a target runs its actions and leaves nothing.
+
+**Steps.** A transition leaves states (`exit`), runs its actions (`do`) and enters states (`entry`). Then
+every enabled transition without an event follows (`always`, levels). Then raised events follow, until
+nothing more happens. Only now operations begin. No time passes during a step.
+
+**Fields of events.** `event` has the fields of the current event. Whatever follows in the same step without
+another event can read it too: the `entry` and the operation of an entered state, and an `always`. If one
+way to an expression does not bring a field, reading it is a finding of the checker. Store the field in a
+variable where it is readable.
+
+**Operations.** An operation lives as long as its state; leaving the state cancels it. Its end is `on_done`
+or `on_error`. An error without a handler leads to the lifecycle's FAULT, and so does an expression or
+action that fails (`error.execution` in `lupin simulate`). `retry` does not count an attempt that ended
+because of a hold, or because its state was left. The share of `jitter` is drawn from a seed, the mission
+and the attempt: the same inputs give the same pauses.
+
+**Holds.** A *hold*, such as a pause or an emergency stop, suspends the whole chart. Operations that move
+the robot are cancelled, clocks stand still, and answers wait. After the release the chart first becomes
+stable. Then each cancelled operation whose state is still active begins again, or ends as its `on_hold`
+says. Requests are answered at once also during a hold: a transition with `during` or `releases` is taken,
+all others are refused.
+
+**Missions.** A mission begins when its request is accepted. Its variables and those of its parts have their
+defaults. Its itineraries, budgets and history are new, and its `entry` runs. A return by history, as from
+the dock, begins nothing. Variables of the lifecycle keep their values from mission to mission. While an
+invariant is broken no mission begins.
+
+**Itineraries.** The published counts and the summary add up all itineraries of a mission. An itinerary that
+begins anew adds its targets again. If an itinerary depends on the request alone, its targets are known from
+the start. `itinerary.close_rest` closes the itinerary around it. Without one it closes those inside the
+state that contains it; in the lifecycle it closes all of the mission, however early that ends. A target
+that several itineraries share then gets one outcome, as long as none of them has begun.
+
+**Parts.** A part that a mission uses twice has its variables once. Both uses read and set the same ones,
+also at the same time in a `parallel` state. Each goes on with the values that the other has left. To begin
+with a value of its own, a use sets it in its `entry`. Each use has its own parameters, by `with`.
+
+**Missions as parts.** `use: inspection` stands for the states of `inspection.yaml` beside the file.
+
+- `with` gives fields of its request; a field that is left out has its default.
+- The mission keeps its meaning: it reads its own request. It names its own states and those of the
+  lifecycle, none of the mission around it.
+- It begins whenever the state is entered, except by history, as a mission does that is started. If it would
+  refuse its request, that is an error.
+- When it ends, its state takes `on_done` with the `result` of that end.
+- A transition to a state of the lifecycle takes the whole mission there. A history returns into the used
+  mission, however deep it stands.
+- Reports and observations belong to the mission that was started, and `since: mission` counts from its
+  start.
+
+**Properties and invariants.** A *property* is true of every run. Tests, proofs and campaigns check it, and
+the orchestrator watches it on the robot: its [`breach`](#property) decides what follows there. An
+*invariant* holds at every moment, and a broken one always leads to FAULT.
+
+**Codes.** A *code* is the reason of something that happened, with a detail for people. Each report of a
+code is an event in the log, the live view and the record of the run, with its target. `last_error` is the
+newest of the worst that the mission has reported, and is published with its label. A refused request is
+answered with a code, which is not a report.
+
+**Live values.** A live value is *unknown* before its first report, and when that is too old. A guard that
+reads an unknown value is false, so test it with `known(...)`. The test in a guard also covers the `do` of
+its transition.
 
 ## How to read the tables
 
-*Value* is something written out (`30 s`, `home`, `[1, 2]`) or an expression in `${ }`, *condition* is an
-expression without `${ }`, and *one or more* means that a list of one may be written without the list. A key
-in **bold** must be written.
+A *value* is written out (`30 s`, `home`, `[1, 2]`) or an expression in `${ }`. A *condition* is an
+expression without `${ }`. *One or more* means that a list of one may be written without the list. A key in
+**bold** must be written.
 """
 
+EXTENDING = """\
+## A lifecycle that extends another
+
+With `extends: NAME` a lifecycle is the shipped one of that name, with changes: those that the file contains.
+The two are merged before anything else happens, so that checks, proofs, pictures and runs see one lifecycle;
+`lupin check --expand` prints it. Every finding has the place of the file that has the mistake.
+
+- A mapping is merged key by key: declarations, states and the states in them, `on`, `after`, `every`, `at`,
+  `invoke`, `budget`. So `params: {dock_timeout_s: {default: 90 s}}` changes one key of one parameter.
+- All else replaces: a transition (with its guard, actions and code), a list, actions, an expression, and an
+  `invoke` with a `do`. Nothing can be taken out.
+- In document order a new state or event comes after the inherited ones.
+- These cannot be overridden: a hold; a transition with `during` or `releases`; the answers to
+  `mission.start`, also by a state inside or by `mission.*`; the inputs and parameters that the conditions of
+  holds and of these answers read; the profile and the slot; an invariant. An inherited property may get a
+  stricter `breach`, a `code` and a `summary`. No transition of the file `releases` an inherited hold. New
+  holds, invariants and properties may be added.
+- A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
+  the inherited one is a warning.
+- `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.
+
+`lupin new` begins with such a file. `lupin new --copy` writes a whole lifecycle, which ages: its `origin`
+names what it was made of, and `lupin doctor` reports whether that has changed since.
+"""
 ACTIONS_HEAD = """\
 ## Actions
 
@@ -224,21 +275,23 @@ Under `entry`, `exit` and `do`: a name, or a mapping of one name to its argument
 EXPRESSIONS_HEAD = """\
 ## Expressions
 
-A safe piece of Python, checked when the file is read: `and`, `or`, `not`, comparisons and `in`,
-`+ - * / // %` of numbers, `x if c else y`, fields of records, elements of lists, texts, numbers, `true`,
-`false`. A number with a unit is written as a text where it meets another (`param.patience > '5 s'`). Lists
-are not joined: a variable is filled by `add`, an order is a number for each element. A list is gone
-through by `[tag.id for tag in request.tags if tag.x > '1 m']`, with one loop and none inside it; in `find`
-and `sorted` the element is called `t`. There are no methods. An expression that could take long is refused: a
-list counts with its `max`, one that has none with 1000 elements, and going through a longer one is an error.
+Expressions are a safe subset of Python, checked when the file is read. It has texts, numbers, `true`,
+`false`, `and`, `or`, `not`, comparisons, `in`, `+ - * / // %` of numbers, `x if c else y`, fields of
+records and elements of lists. A number with a unit is written as a text where it meets another
+(`param.patience > '5 s'`). There are no methods. Lists are not joined: a variable is filled by `add`, an
+order is a number for each element. `[tag.id for tag in request.tags if tag.x > '1 m']` makes a list from
+another, with one loop and none inside it. In `find` and `sorted` the element is called `t`.
 
-What a plugin tells by names is read by them, in the unit that its catalog says, such as
-`event.reading['temperature']`. A name that was not told is unknown, as a live value is before its first
-report: a guard that reads it is false, and an action is an error, so ask with `known(...)`.
+An expression that could take long is refused. A list counts with its `max`, or with 1000 elements where it
+has none; a longer one is an error when the expression is evaluated.
+
+Named values of a plugin are read by name, in the unit of its catalog, such as
+`event.reading['temperature']`. A name that is missing is unknown, as a live value is before its first
+report. Then a guard that reads it is false, and an action is an error, so test it with `known(...)`.
 
 Where a text is wanted, expressions may stand in it: `tag ${ target.id } after ${ param.patience:.1f min }`.
-Each is a text, a number with its unit, a yes or no, or a list of those, which is joined with commas. Behind a
-colon stand the digits of a number (`.1f`), another unit of its dimension (`min`), or both.
+Each is a text, a number with its unit, a yes or no, or a list of those, which is joined with commas. Behind
+a colon stand the digits of a number (`.1f`), another unit of its dimension (`min`), or both.
 
 What can be read, besides variables of the context and the element of a `for_each`, by their names:
 """
@@ -271,25 +324,32 @@ TIMES = (
     ("the winter brings the time twice", "the first counts"),
 )
 TIME_OF_DAY_REST = """\
-That the clock was set is noted in the step, which the log, the record and the story of the run show. A
-computed time (`"${ param.end }"`, of type `time_of_day`) is looked at when the state is entered and then
-every day.
+The step records that the clock was set, so the log, the record and the story of the run show it. A computed
+time (`"${ param.end }"`, of type `time_of_day`) is evaluated when the state is entered and then every day.
 
-`clock.today` and `clock.time` are texts that have an order: `clock.time >= '22:00' or clock.time < '06:00'`.
-That time goes by is no event: a guard of an `always` that reads the clock is looked at when something else
-happens. With `use_sim_time` the clock is the simulated time, counted from 1970 in UTC. A simulation begins on
-2026-01-01 at 00:00, or as [its scenario](testing-missions.md) says, never today.
+`clock.today` and `clock.time` are texts that have an order:
+`clock.time >= '22:00' or clock.time < '06:00'`. The passing of time is no event: a guard of an `always`
+that reads the clock is evaluated when something else happens. With `use_sim_time` the clock is the
+simulated time, counted from 1970 in UTC. A simulation begins on 2026-01-01 at 00:00, or as
+[its scenario](testing-missions.md) says, never today.
 """
 TYPES_HEAD = """\
 ## Types and units
 
 Types of parameters, variables and request fields; any of them may follow `list of` or `set of`. A set holds
 each element once, in the order in which they came. Plugins add their own types.
+
+*Record types* are declared under `types`, each with its [fields](#record-field), which may be records too.
+Those of a mission, a part or the lifecycle are known in the whole chart, those of a [binding](#bindings) in
+the missions beside it and in bindings without types: a file `bindings/places.yaml` with nothing but `types`
+is the place for what all share. A value has every field of its type; in a file each one is checked, with its
+unit and range. Over ROS a parameter that is a list of records, or a record of more than numbers, is a text of
+JSON, as its description says, with numbers in base units or texts such as `"120 cm"`.
 """
 UNITS_HEAD = """\
 A number that has a dimension is written with one of its units, and declared as `type: number` with `unit`.
-Only numbers of one dimension are added or compared; a product or a quotient has the dimension that follows:
-`given / '2 l/min'` is a duration where `given` is an amount of water. Temperatures are kept in °C, so that
+Only numbers of one dimension are added or compared. A product or a quotient has the dimension that follows:
+with `given` an amount of water, `given / '2 l/min'` is a duration. Temperatures are kept in °C, so that
 differences are right and ratios mean nothing.
 """
 
@@ -317,7 +377,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "len": "`len(list or text)`",
     "min": "`min(list)` or `min(a, b, ...)`",
     "max": "`max(list)` or `max(a, b, ...)`",
-    "sum": "`sum(list of numbers)`: what they come to; of none 0",
+    "sum": "`sum(list of numbers)`: their sum; of none 0",
     "abs": "`abs(number)`",
     "round": "`round(number)`, or `round(number, 2)` for two digits",
     "any": "`any(list of yes or no)`: one of them is true",
@@ -335,13 +395,13 @@ ACTION_TEXTS: Mapping[str, str] = {
     "add": "put something into lists and sets that have a `max`: `add: {NAME: VALUE, ...}`; into one "
     "that is full is an error, a set that has it already stays as it is",
     "remove": "take something out of lists and sets, wherever it stands there: `remove: {NAME: VALUE, ...}`",
-    "raise": "tell the whole chart of an event: see [Raise](#raise)",
+    "raise": "raise an event for the whole chart: see [Raise](#raise)",
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
     "itinerary.close": "give the visit its outcome, once, and publish it; `detail` goes out as the reason of "
     "what is not OK, and with OK stays in the summary of the run",
     "itinerary.close_rest": "close every visit of this sweep that is still open; a state that a budget or an "
-    "event ends tells nothing of them without it",
+    "event ends publishes no outcomes for them without it",
     "report.clear": "forget the code that was reported last",
     "report.note": "say something in the log and in the story of the run",
     "report.summary": "publish what became of every target",
@@ -350,37 +410,39 @@ ACTION_TEXTS: Mapping[str, str] = {
 BINDINGS_HEAD = """\
 ## Bindings
 
-What somebody offers over ROS becomes a plugin by a file in the folder `bindings` beside the missions,
-without Python. A service or an action is an operation (`BINDING.OPERATION`), a topic that is listened to a
-live value or an event (`BINDING.EVENT`), a message that is published an action (`BINDING.ACTION`). All that
-`lupin check`, the simulation and your editor need to know stands in it. Where the packages of the
-interfaces are installed, `lupin check` holds the file against their definitions, and the orchestrator does
-so whenever it loads the file.
+A file in the folder `bindings` beside the missions makes a plugin of ROS interfaces, without Python. A
+service or an action becomes an operation (`BINDING.OPERATION`). A topic becomes a live value or an event
+(`BINDING.EVENT`), and a message to publish an action (`BINDING.ACTION`). The file has all that
+`lupin check`, the simulation and your editor need. Where the packages of the interfaces are installed,
+`lupin check` compares the file with their definitions. The orchestrator does so whenever it loads the file.
 
 | written in | is about | sees, beside `param` and `constant` |
 |---|---|---|
 | `with` | what is sent: request, goal or message | the arguments by their names, `now` |
 | `done_when`, `code_when`, `detail`, `result` | the answer of a service | `response` |
 | the same | how a goal ended | `status` (`succeeded`, `aborted` or `canceled`), `result` |
-| `progress` | what an action tells meanwhile | `feedback` |
+| `progress` | the feedback of an action | `feedback` |
 | `from`, `when` | a message of a topic | `message` |
 
-`param` has the parameters of the binding, `constant` the constants of the interface by name, those of
-messages inside it by the message's name: `constant.DiagnosticStatus.ERROR`. `now` is the time of the node,
+`param` has the parameters of the binding, `constant` the constants of the interface. Those of messages
+inside it are under the message's name: `constant.DiagnosticStatus.ERROR`. `now` is the time of the node,
 for stamps.
 
 Fields of messages carry no units: a duration is sent in seconds, a length in metres, an angle in radians.
-`unit` says otherwise: the expressions of a binding see the number of an argument or parameter in its unit,
-and what they make of an answer or a message is in the unit of the field or value. Quantities beside such a
-number are of its unit (`angle + '5 deg'`). Times and durations of ROS are seconds, and a
-`geometry_msgs/Pose` is filled from a `pose`, and read as one. What comes over the wire may be calculated
-with; what it really is shows where the definition is installed, or when it comes.
+`unit` changes that. With it, expressions of a binding read an argument or parameter in its unit, and give a
+result in the unit of the field or value. Quantities beside such a number are of its unit
+(`angle + '5 deg'`). Times and durations of ROS are seconds. A `geometry_msgs/Pose` is filled from a `pose`,
+and read as one. Expressions may calculate with fields whose type is not known; it is checked where the
+definition is installed, or when the message comes.
 
-An attempt that does not end well ends in a code, with a detail that says why: the first of `code_when` that
-is true; `rejected` where the server of an action does not take the goal; `unavailable` where no server is
-there, or it goes; otherwise `code`.
+A failed attempt ends in a code, with a detail that gives the reason:
 
-[A plugin without Python](bindings.md) shows two; the [tutorial](tutorial-new-mission.md) builds a
+- the first of `code_when` that is true;
+- `rejected` where the server of an action does not take the goal;
+- `unavailable` where no server is there, or it goes;
+- otherwise `code`.
+
+[A plugin without Python](bindings.md) shows two bindings; the [tutorial](tutorial-new-mission.md) builds a
 mission with a service.
 """
 EVENTS: tuple[tuple[str, str], ...] = (
@@ -396,7 +458,7 @@ EVENTS: tuple[tuple[str, str], ...] = (
         "`input.NAME`, `input.NAME.LEVEL`",
         "a yes or no that is true: taken as long as it is, also on entering",
     ),
-    ("`PLUGIN.EVENT`", "what a plugin tells of, with the fields that it declares"),
+    ("`PLUGIN.EVENT`", "what a plugin reports, with the fields that it declares"),
     ("any other name with dots, such as `door.opened`", "raised by an action of the chart"),
     ("`door.*`", "every event that begins like that"),
     (
@@ -409,7 +471,7 @@ EVENTS: tuple[tuple[str, str], ...] = (
 def language() -> Iterator[str]:
     """Yield the page of the language, line by line."""
     yield from LANGUAGE_HEAD.splitlines()
-    yield from ("", "## Words")
+    yield from ("", *EXTENDING.splitlines(), "", "## Words")
     for model in models():
         yield from _model(model)
     yield from ("", *ACTIONS_HEAD.splitlines(), "")
@@ -534,13 +596,14 @@ def shape_of(annotation: Any) -> str:
     if origin is typing.Literal:
         return " or ".join(f"`{word}`" for word in inner)
     if origin is list:
-        return f"one or more {_plural(shape_of(inner[0]))}"
+        each = shape_of(inner[0])
+        return f"list of {each}" if each.startswith("mapping of") else f"one or more {_plural(each)}"
     if origin is dict:
         return f"mapping of {_plural(shape_of(inner[1]).removeprefix('one or more '))}"
     if isinstance(annotation, type) and issubclass(annotation, Node):
         anchor = "actions" if annotation is ActionNode else _title(annotation).lower().replace(" ", "-")
         return f"[{_title(annotation).lower()}](#{anchor})"
-    return {str: "text", bool: "`true` or `false`"}[annotation]
+    return {str: "text", int: "whole number", bool: "`true` or `false`"}[annotation]
 
 
 def _plural(shape: str) -> str:

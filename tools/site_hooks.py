@@ -12,6 +12,7 @@ import contextlib
 import posixpath
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -36,6 +37,8 @@ from lupin_engine.plugin.registry import load_catalog
 _PICTURE = re.compile(r"!\[[^]]*\]\(([^):]+)\.svg\)")
 #: Where the theme gets what makes the search work on files, and where we have it.
 _THEIRS, _OURS = "https://unpkg.com/iframe-worker/shim", "assets/iframe-worker.js"
+#: Browsers that print a page into a file.
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 #: Drawn with the lifecycle around it, to be seen once.
 WHOLE = ("guide/steps/01-first",)
 #: A link out of the documentation, into the repository.
@@ -123,3 +126,15 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
 def on_post_template(output: str, template_name: str, config: MkDocsConfig) -> str:
     """The same for the page that tells of a missing one (called by MkDocs)."""
     return output.replace(_THEIRS, f"/{_OURS}")
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Print the cheat sheet where there is a browser for it (called by MkDocs)."""
+    page = Path(config.site_dir, "cheat-sheet.html")
+    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if browser is not None and page.is_file():
+        printed = f"--print-to-pdf={page.with_suffix('.pdf')}"
+        options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+        # The page is our own, and the print is no more than a convenience: its failure fails nothing.
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            subprocess.run([browser, *options, printed, page.as_uri()], capture_output=True, timeout=60)

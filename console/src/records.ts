@@ -429,29 +429,24 @@ export interface Countdown {
   readonly left: number | null;
 }
 
-/**
- * A field of a request, with a type and its base unit.
- *
- * `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
- * plugin. A computed default is given as it would be now, and as its expression (`computed`). `at_most`
- * limits the number of elements of a list.
- */
+/** A field of a request: a computed default is as it would be now, and its expression (`computed`). */
 export interface FieldRecord {
-  readonly name: string;
   readonly type: string;
   readonly kind: "bool" | "integer" | "number" | "text" | "name" | "list" | "record" | "any";
-  readonly required: boolean;
-  readonly summary?: string;
   readonly unit?: string;
   readonly allowed?: readonly string[];
   readonly pattern?: string;
   readonly example?: string;
-  readonly default?: unknown;
-  readonly computed?: string;
   readonly minimum?: number;
   readonly maximum?: number;
   readonly at_most?: number;
   readonly distinct?: boolean;
+  readonly fields?: Readonly<Record<string, TypeRecord>>;
+  readonly name: string;
+  readonly required: boolean;
+  readonly summary?: string;
+  readonly default?: unknown;
+  readonly computed?: string;
   readonly may_be_empty?: boolean;
 }
 
@@ -473,4 +468,24 @@ export interface Code {
   readonly label: string;
   readonly severity: number;
   readonly advice: string;
+}
+
+/**
+ * A type with its base unit.
+ *
+ * `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
+ * plugin, and a record has `fields`. `at_most` limits the number of elements of a list.
+ */
+export interface TypeRecord {
+  readonly type: string;
+  readonly kind: "bool" | "integer" | "number" | "text" | "name" | "list" | "record" | "any";
+  readonly unit?: string;
+  readonly allowed?: readonly string[];
+  readonly pattern?: string;
+  readonly example?: string;
+  readonly minimum?: number;
+  readonly maximum?: number;
+  readonly at_most?: number;
+  readonly distinct?: boolean;
+  readonly fields?: Readonly<Record<string, TypeRecord>>;
 }

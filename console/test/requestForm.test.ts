@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { fill, meaningOf, requestOf, written } from "../src/model/mission/requestForm";
 import { endPicking, picked, startPicking, toggle } from "../src/model/mission/picking";
-import type { FieldRecord } from "../src/records";
+import type { FieldRecord, TypeRecord } from "../src/records";
 import { en } from "../src/texts/en";
 
 const { wrong } = en.control;
@@ -66,8 +66,20 @@ test("a list has its elements' rules, and its own for how many", () => {
 
 test("records are JSON", () => {
   assert.deepEqual(value({ type: "pose", kind: "record" }, '{"x": 1}'), { x: 1 });
-  assert.equal(problem({ type: "pose", kind: "record" }, "{x: 1}"), wrong.json);
+  assert.equal(problem({ type: "pose", kind: "record" }, "{x: 1}"), wrong.json("pose"));
   assert.equal(value({ type: "bool", kind: "bool" }, "false"), false);
+});
+
+test("a record has all of its fields, and no others", () => {
+  const at: TypeRecord = { type: "pose", kind: "record", fields: { x: { type: "length", kind: "number", unit: "m" } } };
+  const fields = { id: { type: "text", kind: "text" }, at } as const;
+  const wards = { type: "list of ward", kind: "record", fields } as const;
+  assert.deepEqual(value(wards, '[{"id": "icu", "at": {"x": "1 m"}}]'), [{ id: "icu", at: { x: "1 m" } }]);
+  assert.equal(problem(wards, '{"id": "icu"}'), wrong.json('[{"id": text, "at": {"x": m}}, …]'));
+  assert.equal(problem(wards, '[{"id": "icu", "att": 1}]'), wrong.field("att", "id, at"));
+  assert.equal(problem(wards, '[{"id": "icu"}]'), wrong.lacks("at"));
+  assert.equal(problem({ ...wards, type: "ward" }, '{"id": "icu", "at": 1}'), wrong.json('{"x": m}'));
+  assert.equal(problem({ ...wards, type: "ward" }, '{"id": "icu", "at": {"z": 1}}'), wrong.field("z", "x"));
 });
 
 test("a request has what was filled in only; problems are told by field", () => {

@@ -22,7 +22,7 @@ from lupin_engine.bindings.data import Binding
 from lupin_engine.bindings.file import BindingNode, EndpointNode
 from lupin_engine.chart.documents import Names
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.nodes import Node
+from lupin_engine.chart.nodes import VERSION_HELP, Node, Version
 from lupin_engine.chart.source import parse_bytes, read_bytes
 from lupin_engine.chart.validation import Way, validate
 from lupin_engine.errors import meant, or_else
@@ -57,6 +57,7 @@ class AllowNode(Node):
 class RobotNode(Node):
     """`lupin.yaml`: the settings of a robot's owner for all missions."""
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     allow: AllowNode | None = Field(None, description="what bindings may reach")
 
 

@@ -6,6 +6,7 @@ once (cached by content).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 BINDINGS = "bindings"
 #: What says what they may reach: in the folder above that of the missions, else in it.
 LUPIN_FILE = "lupin.yaml"
+
+#: That a file declares record types.
+_TYPES = re.compile(rb"^types:", re.MULTILINE)
 
 MAX_FILES = 64
 MAX_CATALOGS = 32
@@ -97,10 +101,14 @@ def bound_catalog(
     `texts` replace the content of their files. Bindings in `catalog` itself, from an earlier load, are
     ignored.
     """
-    key, files = _Same(catalog.installed), []
+    key, found = _Same(catalog.installed), {}
     for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
-        raw = texts[path] if path in texts else read_bytes(path, findings)
-        files.append(_UNREAD if raw is None else _file(str(path), path.stem, raw, key))
+        found[path] = texts[path] if path in texts else read_bytes(path, findings)
+    # Those with types come first: they are known to the others, as to the missions.
+    first = [path for path, raw in found.items() if raw is not None and _TYPES.search(raw)]
+    made = {path: _made(path, found[path], key) for path in first}
+    shared = _Same(_join(tuple(file for file in made.values() if file.binding is not None), key).catalog)
+    files = [made.get(path) or _made(path, raw, shared) for path, raw in found.items()]
     bound = _join(tuple(file for file in files if file.binding is not None), key)
     findings.extend(chain(*(file.found for file in files), bound.found))
     return bound if len(bound.bindings) == len(files) else None
@@ -111,6 +119,10 @@ def _paths(folders: Iterable[Path], texts: Iterable[Path]) -> Iterable[Path]:
     inside = list(folders)
     edited = (path for path in texts if path.parent in [folder / BINDINGS for folder in inside])
     return dict.fromkeys([*(path for folder in inside for path in binding_files(folder)), *sorted(edited)])
+
+
+def _made(path: Path, raw: bytes | None, key: _Same) -> _BindingFile:
+    return _UNREAD if raw is None else _file(str(path), path.stem, raw, key)
 
 
 @lru_cache(maxsize=MAX_FILES)

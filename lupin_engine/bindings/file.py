@@ -13,8 +13,16 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from lupin_engine.chart.documents import Bound, CodeNode, Condition, Names, ParameterNode, Written
-from lupin_engine.chart.nodes import Meaning, Named, Node, show, wrong_shape
+from lupin_engine.chart.documents import (
+    Bound,
+    CodeNode,
+    Condition,
+    Names,
+    ParameterNode,
+    RecordTypes,
+    Written,
+)
+from lupin_engine.chart.nodes import VERSION_HELP, Meaning, Named, Node, Version, show, wrong_shape
 
 
 def _to_list(value: Any) -> Any:
@@ -202,7 +210,7 @@ class BoundOperationNode(Node):
     detail: Written = Field(None, description="text beside the code, from the answer")
     progress: Written = Field(
         None,
-        description="what an action tells meanwhile, from `feedback`: a value, or several by their names",
+        description="feedback of an action, from `feedback`: a value, or several by their names",
     )
     uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or lift")
     cut_short: bool = Field(
@@ -269,7 +277,7 @@ class BoundValueNode(Node):
 
     summary: str = Field(description="one sentence for people: what it is")
     type: Annotated[str, Meaning.TYPE] = Field(description="such as bool, number, length, pose")
-    topic: TopicNode = Field(description="topic that tells it")
+    topic: TopicNode = Field(description="topic that reports it")
     from_: Written = Field(alias="from", description="value, from `message`")
     when: Condition = Field(None, description="condition on `message`: others are passed over")
     unit: Annotated[str | None, Meaning.UNIT] = Field(
@@ -294,7 +302,7 @@ class BoundEventNode(Node):
     )
 
     summary: str = Field(description="one sentence for people: what happened")
-    topic: TopicNode = Field(description="topic that tells it")
+    topic: TopicNode = Field(description="topic that reports it")
     when: Condition = Field(None, description="condition on `message`: others are no event")
     fields: dict[str, ResultNode] = Field(default_factory=dict, description="what comes with it, by name")
 
@@ -318,10 +326,15 @@ class BindingNode(Node):
         }
     )
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     binding: Annotated[str, Meaning.FILE] = Field(
         description="name of the plugin that this makes, also that of its file"
     )
     summary: str = Field(description="one sentence for people: what is connected")
+    types: Annotated[RecordTypes, Named(Meaning.TYPE)] = Field(
+        default_factory=dict,
+        description="record types, by name, for it, and for the missions and bindings beside it",
+    )
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = Field(
         default_factory=dict, description="settings that its expressions read as param.NAME, by name"
     )

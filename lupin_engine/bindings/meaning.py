@@ -222,7 +222,15 @@ def _instead(kind: Type, found: Expression) -> str:
     if kind.name in TIMES and UNITS.get(found.type.unit, ("", 0.0))[0] == "s":
         return "a time is sent in s: leave 'unit' out, or divide by '1 s'"
     inner = [name for name, each in kind.fields.items() if _fits(each, found.type)]
-    return f"write '{inner[0]}: ${{ {found.source} }}' inside of it" if inner else ""
+    if inner:
+        return f"write '{inner[0]}: ${{ {found.source} }}' inside of it"
+    given = found.type.fields
+    for name, each in kind.fields.items() if given else ():
+        if name not in given:
+            return f"it has no {name!r}"
+        if not _fits(each, given[name]):
+            return f"its {name!r} is {q.describe(given[name])}"
+    return ""
 
 
 def _fits(wanted: Type, got: Type) -> bool:
@@ -233,6 +241,9 @@ def _fits(wanted: Type, got: Type) -> bool:
         return got.unit in ("s", "", "*")
     if {wanted.name, got.name} == {POSE.name, POSE_MESSAGE}:
         return True
+    if wanted.kind == got.kind == "record":
+        fields = wanted.fields.items()
+        return all(name in got.fields and _fits(each, got.fields[name]) for name, each in fields)
     return q.accepts(_bare(wanted), _bare(got))
 
 

@@ -262,6 +262,7 @@ class _BindingReader:
         """Compile everything, and report all errors."""
         node = self._node
         self._good_name(NAME, "binding", node.binding, node.at("binding"), "binding")
+        types = self._declarer.read_types([node])
         parameters = dict(self._parameters())
         codes = dict(self._codes())
         values = {name: self._value(name, each) for name, each in node.values.items()}
@@ -272,6 +273,7 @@ class _BindingReader:
             actions={name: self._action(name, each) for name, each in node.actions.items()},
             values=values,
             events={name: self._event(name, each) for name, each in node.events.items()},
+            types=types,
             parameters=parameters,
         )
         binding = self._talking(plugin)

@@ -22,6 +22,7 @@ from .documents import LifecycleNode as LifecycleNode
 from .documents import MissionNode as MissionNode
 from .documents import PartNode as PartNode
 from .documents import RaiseNode as RaiseNode
+from .documents import RecordFieldNode as RecordFieldNode
 from .documents import RetryNode as RetryNode
 from .documents import StateNode as StateNode
 from .documents import TransitionNode as TransitionNode
@@ -76,7 +77,11 @@ from .semantics import FAULT as FAULT
 from .semantics import MIN_PERIOD as MIN_PERIOD
 from .semantics import TIMERS as TIMERS
 from .source import Map as Map
+from .source import Seq as Seq
 from .source import head as head
+from .source import parse_bytes as parse_bytes
 from .source import read as read
 from .source import text_at as text_at
+from .strictness import STRICTER as STRICTER
+from .strictness import as_of as as_of
 from .validation import validate as validate

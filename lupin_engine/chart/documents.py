@@ -23,9 +23,9 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_shape
+from lupin_engine.chart.nodes import VERSION_HELP, Keyed, Meaning, Named, Node, Version, show, wrong_shape
 from lupin_engine.chart.semantics import MIN_PERIOD
-from lupin_engine.chart.source import Map
+from lupin_engine.chart.source import Map, Merged
 
 
 def _many(description: str, alias: str | None = None) -> Any:
@@ -268,16 +268,16 @@ class ForEachNode(Node):
 
     item: str = Field(description="what the element is called in the expressions below")
     in_: Annotated[Written, Meaning.VALUE] = Field(
-        alias="in", description="list of elements, looked at again after every step"
+        alias="in", description="list of elements, evaluated again after every step"
     )
     key: Annotated[Written, Meaning.VALUE] = Field(
-        description="what tells elements apart; each is dealt with once in a mission"
+        description="identifies an element; each key is handled once in a mission"
     )
     limit: Annotated[Written, Meaning.VALUE] = Field(
         None, description="largest number of operations at a time; otherwise all at once"
     )
     when: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="condition on the element; looked at until it holds"
+        None, description="condition on the element; evaluated until it is true"
     )
     invoke: InvokeNode = Field(description="operation that is begun for the element")
     on_done: ElementEndNode | None = Field(
@@ -343,13 +343,17 @@ class ItineraryNode(Node):
     SHAPE = "{items: LIST}"
 
     items: Annotated[Written, Meaning.VALUE] = Field(
-        description="list of targets: texts, whole numbers or records with an `id`, which they are told by"
+        description="list of targets: texts, whole numbers or records, identified by their `id`"
     )
     order: Annotated[Written, Meaning.VALUE] = Field(
         None, description="number for each `target`; the smallest is next"
     )
     sweeps: Annotated[Written, Meaning.VALUE] = Field(
         None, description="how often the list is walked; 0: until something else ends it"
+    )
+    again: Names = Field(
+        [],
+        description="statuses: what ended so in the last sweep is visited once more, after the rest",
     )
     on_abort: Literal["skip", "leave_open"] = Field(
         "skip", description="what itinerary.close_rest does to the targets that are still open"
@@ -373,6 +377,11 @@ class StateNode(Node):
         None, description="child that is entered first; needed where several could be"
     )
     states: Annotated[dict[str, StateNode | None], Named(Meaning.STATE)] = _by_name("children, by name")
+    sequence: list[Annotated[dict[str, StateNode | None], Named(Meaning.STATE)]] = _many(
+        "children, one after the other: the end of each leads to the next, that of the last ends this state; "
+        "`on_error` is that of each step that has none"
+    )
+    times: Written = Field(None, description="how often the sequence is walked, 1 or more")
     entry: Actions = _many("actions on entering")
     exit: Actions = _many("actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
@@ -419,6 +428,36 @@ class StateNode(Node):
     history: Literal["shallow", "deep"] | None = Field(
         None, description="adds the child `history`, a target for going back to what was left"
     )
+
+
+class RecordFieldNode(Node):
+    """A field of a record type: a type alone, or with its unit and range."""
+
+    SHAPE = "a type, or a mapping with 'type'"
+
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as text, integer, pose, list of text")
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
+        None, description="unit of a number; a number in s is a duration"
+    )
+    min: Bound = Field(None, description="smallest value")
+    max: Bound = Field(None, description="largest value; of a list, the most elements")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return {"type": data} if isinstance(data, str) else super()._long_form(data)
+
+
+#: Record types by name, each with its fields.
+RecordTypes = dict[
+    str,
+    dict[
+        str,
+        Annotated[
+            RecordFieldNode,
+            BeforeValidator(lambda value: value, json_schema_input_type=str | RecordFieldNode),
+        ],
+    ],
+]
 
 
 class ParameterNode(Node):
@@ -587,11 +626,11 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
-    One that reads the `request` of its mission is about the runs of that mission, and so is one that begins
-    with each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a
-    robot loads together, have no two properties of one name. `breach` and `code` say what a robot does that
-    breaks it: a breach is a step of its own, right after the one that broke the property, and is reported
-    once until the property holds again.
+    One that reads the `request` of its mission is about the runs of that mission. So is one that begins with
+    each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a robot
+    loads together, have no two properties of one name. `breach` and `code` decide what a robot does when it
+    is broken. A breach is a step of its own, right after the one that broke the property. It is reported once
+    until the property holds again.
     """
 
     SHAPE = "a mapping with one of always, never, eventually, visit_all and visit_in_order, or with built_in"
@@ -643,7 +682,11 @@ class PropertyNode(Node):
 class FileNode(Node):
     """The declarations that every kind of file may have."""
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     summary: str = Field("", description="one sentence for people")
+    types: Annotated[RecordTypes, Named(Meaning.TYPE)] = _by_name(
+        "record types, by name: each has fields, by name, with their types"
+    )
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = _by_name("settings, by name")
     inputs: Annotated[dict[str, InputNode], Named(Meaning.INPUT)] = _by_name(
         "live values that are read, by the name that expressions use"
@@ -663,7 +706,7 @@ class FileNode(Node):
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
-        "what is true of every run, by name; looked at before the robot runs, and while it does"
+        "what is true of every run, by name; checked before the robot runs, and watched while it does"
     )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"
@@ -683,10 +726,29 @@ class FileNode(Node):
         return f"{type(self).__name__} {self.name}"
 
 
+class OriginNode(Node):
+    """The lifecycle that a copy was made of."""
+
+    SHAPE = "{lifecycle: NAME, version: VERSION, sha256: DIGEST}"
+
+    lifecycle: str = Field(description="name of the shipped lifecycle")
+    version: str = Field(description="version of the engine that shipped it")
+    sha256: str = Field(description="beginning of the digest of its file")
+
+
 class LifecycleNode(FileNode):
     """The lifecycle: the states and declarations that all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
+    extends: Annotated[str | None, Meaning.LIFECYCLE] = Field(
+        None,
+        description="name of a shipped lifecycle, which this one changes: mappings are merged key by key; "
+        "transitions, actions, lists and expressions replace; its holds and its answers to a start stay",
+    )
+    origin: OriginNode | None = Field(
+        None,
+        description="of a copy: the lifecycle that it was made of; `lupin doctor` reports a change since",
+    )
     profile: str | None = Field(None, description="kind of robot; without it the one that is installed")
     holds: Annotated[dict[str, HoldNode], Named(Meaning.HOLD)] = _by_name(
         "suspensions of the whole chart, by name"
@@ -699,6 +761,12 @@ class LifecycleNode(FileNode):
     def name(self) -> str:
         """The name that the file gives itself."""
         return self.lifecycle
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The names of the files that it is written in: its own, and the one that it extends."""
+        raw = self._raw
+        return (raw.file.name, raw.base.file.name) if isinstance(raw, Merged) else (raw.file.name,)
 
 
 class MissionNode(FileNode):
@@ -794,11 +862,14 @@ __all__ = [
     "LifecycleNode",
     "LimitNode",
     "MissionNode",
+    "OriginNode",
     "OutNode",
     "ParameterNode",
     "PartNode",
     "PropertyNode",
     "RaiseNode",
+    "RecordFieldNode",
+    "RecordTypes",
     "RefusalNode",
     "RequestFieldNode",
     "RetryNode",

@@ -32,6 +32,9 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "duplicate-key": "a key stands once in a mapping",
             "unknown-key": "a key is one of the language",
             "unknown-profile": "the profile of a lifecycle is installed",
+            "unknown-lifecycle": "the lifecycle that one extends is shipped, and extends none itself",
+            "not-overridable": "what stops a robot and what answers a start are those of the shipped one",
+            "overrides-nothing": "what a lifecycle overrides is there, and is changed by it",
             "missing-key": "what cannot be guessed is written",
             "wrong-shape": "a value has the shape that its key asks for",
             "bad-name": "names are made so that they can be found in a path or an expression",
@@ -39,7 +42,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "not-allowed": "what a binding talks to is a plugin's, or the robot's lupin.yaml allows it",
         },
         "Types, units and expressions": {
-            "unknown-type": "a type is built in or a plugin's; that of a service is installed",
+            "unknown-type": "a type is declared, built in or a plugin's; that of a service is installed",
             "wrong-type": "a value or operand has the type that is asked for",
             "wrong-unit": "quantities of different dimensions are not mixed",
             "no-unit": "a duration, length or angle says its unit",

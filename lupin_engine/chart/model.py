@@ -167,14 +167,16 @@ class Itinerary:
 
     `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
     without it the list's order counts. `sweeps` is the number of passes, 0 without end; the list is evaluated
-    again for each. With `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as
-    the source of its observations, '' for the mission's name.
+    again for each. After the last, the targets whose visit ended with a status of `again` have one more. With
+    `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as the source of its
+    observations, '' for the mission's name.
     """
 
     items: Value = field(metadata=said(Role.VALUE, "items"))
     place: Place
     order: Value | None = field(default=None, metadata=said(Role.VALUE, "order"))
     sweeps: Value | None = field(default=None, metadata=said(Role.VALUE, "sweeps"))
+    again: tuple[str, ...] = field(default=(), metadata=said(Role.PLAIN, "again"))
     leaves_open: bool = field(default=False, metadata=said(Role.PLAIN, "on_abort"))
     source: str = field(default="", metadata=said(Role.PLAIN, "source"))
 
@@ -450,6 +452,8 @@ class Chart:
     `plugins` are those that the missions use; `catalog` is the one that it was checked against: all
     declarations of the installed plugins and of the bindings beside the missions.
 
+    `lifecycle_files` are the lifecycle's own file and the one that it extends, which is called `extends`.
+
     Charts are compared by identity, because results are cached by chart.
     """
 
@@ -467,6 +471,8 @@ class Chart:
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)
+    lifecycle_files: tuple[str, ...] = ()
+    extends: str = ""
 
     @property
     def profile(self) -> Profile:
@@ -479,6 +485,10 @@ class Chart:
         owners = self.catalog.owners
         read = [("value", name) for each in self.profile.projections.values() for name in each.values]
         return tuple(sorted({*self.plugins, *(owners[one] for one in read if one in owners)}))
+
+    def file_of(self, place: Place) -> str:
+        """Return how the file of a place is called in a line: a lifecycle that is extended by its name."""
+        return self.extends if place.file in self.lifecycle_files[1:] else place.file.rpartition("/")[2]
 
     @cached_property
     def answers(self) -> Mapping[str, Code]:

@@ -6,15 +6,18 @@ import enum
 import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ModelWrapValidatorHandler, model_validator
 from pydantic_core import PydanticCustomError
 
 from lupin_engine.chart.source import Map, Seq, Text
 from lupin_engine.errors import Place
 
 _M = TypeVar("_M", bound="Node")
+
+#: The version of the language that this engine speaks: `lupin: 1`.
+LANGUAGE = 1
 
 _NUMBER = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]+)?")
 
@@ -25,6 +28,7 @@ class Meaning(enum.Enum):
     KEY = "key"  #: a word of the language
     STATE = "state"  #: looked for in the nearest enclosing scope
     CHILD = "child"  #: a state inside the one that this is said of
+    LIFECYCLE = "lifecycle"  #: one that is shipped
     PART = "part"  #: or a mission that is used as one
     OPERATION = "operation"
     ACTION = "action"
@@ -121,6 +125,12 @@ class Node(BaseModel):
         return found
 
     @property
+    def content(self) -> Map:
+        """This mapping as it was read."""
+        raw: Map = self._raw
+        return raw
+
+    @property
     def written(self) -> bool:
         """Say whether this was read as a mapping, not as a short form."""
         return isinstance(self._raw, Map)
@@ -170,6 +180,23 @@ class Node(BaseModel):
 def wrong_shape(text: str) -> PydanticCustomError:
     """Return the exception of a model for a value of another shape; `text` is problem and hint."""
     return PydanticCustomError("wrong-shape", "{text}", {"text": text})
+
+
+def _spoken(value: Any) -> Any:
+    """Return the language's version that a file names; raises `wrong_shape` for any but this engine's."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        if value == LANGUAGE:
+            return value
+        this = f"this engine speaks version {LANGUAGE} of the language, and the file is of version {value}"
+        if value > LANGUAGE:
+            raise wrong_shape(f"{this}; update the engine: pip install --upgrade lupin-engine")
+        raise wrong_shape(f"{this}; write 'lupin: {LANGUAGE}'")
+    raise wrong_shape(f"expected the version of the language, got {show(value)}; write 'lupin: {LANGUAGE}'")
+
+
+#: The key `lupin` of a file.
+Version = Annotated[int | None, BeforeValidator(_spoken, json_schema_input_type=Literal[1])]
+VERSION_HELP = "version of the language; without it the current one"
 
 
 def keys_of(model: type[Node]) -> tuple[str, ...]:

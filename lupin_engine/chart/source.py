@@ -240,6 +240,19 @@ class Map(dict[str, Any]):
             self._elsewhere = {}
         self._elsewhere[key] = start
 
+    def put(self, key: str, value: Any, start: Mark) -> None:
+        """Set a key that stands at `start`, and its value, unless that has a place itself."""
+        self[key] = value
+        self.key_starts[key] = start
+        if type(value) not in _PLACED:
+            self.note(key, start)
+
+    def drop(self, key: str) -> None:
+        """Remove a key with its places; KeyError without it."""
+        del self[key], self.key_starts[key]
+        if self._elsewhere is not None:
+            self._elsewhere.pop(key, None)
+
     @property
     def place(self) -> Place:
         """Where the mapping begins."""
@@ -270,6 +283,54 @@ class Map(dict[str, Any]):
 def map_at(place: Place) -> Map:
     """Make an empty mapping that stands at `place`, for one that is not written."""
     return Map(File(place.file, ""), _spot_of(place))
+
+
+class Merged(Map):
+    """A mapping of two files: what stands in `own` replaces, or is added to, what stands in `base`."""
+
+    __slots__ = ("_owners", "base")
+
+    def __init__(self, own: Map, base: Map) -> None:
+        super().__init__(own.file, own.start)
+        self.base = base
+        self._owners: dict[str, Map] = {}
+
+    def take(self, key: str, value: Any, owner: Map) -> None:
+        """Enter a value under a key that stands in `owner`."""
+        self[key] = value
+        self.key_starts[key] = owner.key_starts[key]
+        self._owners[key] = owner
+
+    def value_place(self, key: str) -> Place:
+        """Return where a value stands; KeyError without it."""
+        return self._owners[key].value_place(key)
+
+    def key_place(self, key: str) -> Place:
+        """Return where a key stands; KeyError without it."""
+        return self._owners[key].key_place(key)
+
+    def key_text(self, key: str) -> Text:
+        """Return a key as a text with its place; KeyError without it."""
+        return self._owners[key].key_text(key)
+
+
+def data_at(value: Any, place: Place) -> Any:
+    """Return plain data as if all of it stood at `place`, for what is not written; placed data stays."""
+    if type(value) in _PLACED or not isinstance(value, (str, dict, list)):
+        return value
+    if isinstance(value, str):
+        return text_at(value, place)
+    spot = _spot_of(place)
+    file = File(place.file, "\n" * spot.line + " " * spot.column)
+    if isinstance(value, list):
+        listed = Seq(file, spot)
+        listed.extend(data_at(each, place) for each in value)
+        listed.starts = [spot] * len(value)
+        return listed
+    found = Map(file, spot)
+    for key, each in value.items():
+        found.put(key, data_at(each, place), spot)
+    return found
 
 
 class Seq(list[Any]):

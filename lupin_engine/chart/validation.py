@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 from lupin_engine.chart.documents import KINDS, FileNode
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node, keys_of, show
+from lupin_engine.chart.sequences import write_out
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Diagnostic, Place, meant
 
@@ -26,7 +27,19 @@ MAX_PRUNINGS = 8
 Way = tuple[str | int, ...]
 #: Keys under which files declare what is named elsewhere.
 _DECLARING = frozenset(
-    {"states", "params", "context", "inputs", "levels", "codes", "holds", "request", "fields", "choices"}
+    {
+        "states",
+        "params",
+        "context",
+        "inputs",
+        "levels",
+        "codes",
+        "holds",
+        "request",
+        "fields",
+        "choices",
+        "types",
+    }
 )
 #: Rules that find something missing in a state, or what is said there of its transitions.
 _OF_A_STATE = frozenset(
@@ -51,6 +64,7 @@ def read_document(
         return None
     if kind != "part":
         want_defaults(raw, findings)
+    write_out(raw, findings)
     return validate(raw, model, findings, left_out)
 
 
@@ -134,14 +148,22 @@ def _way(raw: Map, details: ErrorDetails) -> Way:
 
 
 def _prune(raw: Map, way: Way) -> None:
-    """Drop a part that was reported as wrong, so that the rest of the file can still be read."""
+    """Drop a part that was reported as wrong, so that the rest of the file can still be read.
+
+    What several aliases stand for is dropped for all of them at once.
+    """
     holder: Any = raw
     for step in way[:-1]:
-        holder = holder[step]
+        holder = holder[step] if _has(holder, step) else None
+    if not way or not _has(holder, way[-1]):
+        return
     if isinstance(holder, Seq):
         holder.starts.pop(int(way[-1]))
-    if way:
-        del holder[way[-1]]
+    del holder[way[-1]]
+
+
+def _has(holder: Any, step: str | int) -> bool:
+    return step in holder if isinstance(holder, Map) else isinstance(holder, Seq) and int(step) < len(holder)
 
 
 def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:

@@ -94,6 +94,8 @@ class ElementTexts:
         if itinerary.sweeps is not None:
             sweeps = self._short(itinerary.sweeps)
             yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
+        if itinerary.again:
+            yield f"once more: {', '.join(itinerary.again)}"
 
     def _use(self, use: UsedMission) -> str:
         """Return the mission embedded in a state, with the fields that its user gives."""

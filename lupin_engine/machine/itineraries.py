@@ -36,7 +36,8 @@ class Itineraries:
         if rule is None:
             return
         if not (comes_back and state.name in memory.itineraries):
-            traversal = Traversal(state.name, [], [], sweeps=self._sweeps(state, rule, trigger, step))
+            sweeps = self._sweeps(state, rule, trigger, step)
+            traversal = Traversal(state.name, [], [], sweeps=sweeps, again=rule.again)
             traversal.leaves_open = rule.leaves_open
             self._lay_out(traversal, self._items(state, rule, trigger, step))
             before = memory.itineraries.get(state.name)
@@ -135,12 +136,16 @@ class Itineraries:
         traversal.index = 0
 
     def _sweep_again(self, traversal: Traversal, step: Macrostep) -> None:
-        """Evaluate the list again for the next sweep; an empty one leaves the list as it was."""
+        """Begin the next sweep: over what failed, or the list evaluated anew, which stays if it is empty."""
         state = self._scope.chart.states[traversal.state]
         assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
+        failed = traversal.failed if traversal.precedes_failed else []
         self._pass_on(traversal.visits, traversal)
         traversal.sweep += 1
-        self._lay_out(traversal, self._items(state, state.itinerary, Trigger(), step) or traversal.items)
+        if failed:
+            traversal.before += len(traversal.items) - len(failed)  # they count in the mission's total
+        items = failed or self._items(state, state.itinerary, Trigger(), step) or traversal.items
+        self._lay_out(traversal, items)
         self._choose(traversal, 0, step)
 
     def _pass_on(self, visits: list[Visit], traversal: Traversal) -> None:
@@ -161,13 +166,13 @@ class Itineraries:
             return []
 
     def _sweeps(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> int:
-        if rule.sweeps is None:
-            return 1
+        sweeps = 1
         try:
-            return int(rule.sweeps.evaluate(self._scope.see(state.name, step, trigger)))
+            if rule.sweeps is not None:
+                sweeps = int(rule.sweeps.evaluate(self._scope.see(state.name, step, trigger)))
         except Exception as problem:
             step.fail(state.name, f"{rule.place}: sweeps: {reason(problem)}")
-            return 1
+        return sweeps + 1 if sweeps and rule.again else sweeps
 
     def _choose(self, traversal: Traversal, index: int, step: Macrostep) -> None:
         """Move the target that is next by the itinerary's order to `index`."""

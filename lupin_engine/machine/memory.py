@@ -63,7 +63,8 @@ class Traversal:
     """The iteration over an itinerary: its items, one visit for each, and the current index.
 
     `sweep` counts from 1, `sweeps` is their number (0: no end). `past` counts the visits of earlier sweeps by
-    status, `earlier` is the newest of them for each target. With `leaves_open` open visits stay open at the
+    status, `earlier` is the newest of them for each target. With `again` the last sweep is over the targets
+    whose visit in the one before ended with such a status. With `leaves_open` open visits stay open at the
     end. Without `begun` it is registered from the request alone. When its state is entered anew the iteration
     restarts; `before` counts the targets until then.
     """
@@ -79,6 +80,7 @@ class Traversal:
     leaves_open: bool = False
     begun: bool = True
     before: int = 0
+    again: tuple[str, ...] = ()
 
     @property
     def item(self) -> Any:
@@ -98,15 +100,28 @@ class Traversal:
         return (*gone, *[v if v.closed else self.earlier.get(v.target, v) for v in self.visits])
 
     @property
+    def failed(self) -> list[Any]:
+        """The targets of this sweep that are visited again, as far as it has gone."""
+        both = zip(self.items, self.visits, strict=True)
+        return [item for item, visit in both if visit.status in self.again]
+
+    @property
     def is_last_sweep(self) -> bool:
-        """Whether no other sweep follows."""
-        return 0 < self.sweeps <= self.sweep
+        """Whether no other sweep follows, as far as this one has gone."""
+        return 0 < self.sweeps <= self.sweep or (self.precedes_failed and not self.failed)
+
+    @property
+    def precedes_failed(self) -> bool:
+        """Whether the next sweep is over what failed in this one."""
+        return bool(self.again) and self.sweep + 1 == self.sweeps
 
     @property
     def remaining(self) -> int:
         """How many targets come after the current one; at the end of a sweep, those of the next one."""
         after = max(0, len(self.items) - self.index - 1)
-        return after if after or self.is_last_sweep else len(self.items)
+        if after or self.is_last_sweep:
+            return after
+        return len(self.failed if self.precedes_failed else self.items)
 
     def count(self, status: str) -> int:
         """How many visits were closed with `status`, over all sweeps."""

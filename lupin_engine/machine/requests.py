@@ -36,7 +36,7 @@ from lupin_engine.plugin.builtin import DEFAULT_MAX_TARGETS, MAX_TARGETS
 from lupin_engine.plugin.contract import INVARIANT_CODE, REFUSED_CODE, OnHold, classify
 from lupin_engine.plugin.describe import number_text, value_text
 from lupin_engine.plugin.profile import ANSWER
-from lupin_engine.plugin.types import ANY, Type, convert, fitted
+from lupin_engine.plugin.types import ANY, Type, convert, converted, fitted, innermost, problems
 
 #: The code of a request that nothing answers here.
 NOT_POSSIBLE = "not_possible"
@@ -377,7 +377,7 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
         value = (
             field.default.evaluate(env)
             if given is None and field.default
-            else _read(world, field.type, given)
+            else _read(world, field.type, given, field.name)
         )
     except ValueError as problem:
         return None, Refusal(_code_of(world, field.type), str(problem))
@@ -407,24 +407,30 @@ def _too_many(world: World, field: Field, value: Any) -> Refusal | None:
     return Refusal(BAD_REQUEST, text)
 
 
-def _read(world: World, wanted: Type, given: Any) -> Any:
+def _read(world: World, wanted: Type, given: Any, name: str) -> Any:
+    inner = innermost(wanted)
+    if inner.kind == "record" and inner.name not in world.readers:
+        found = [problem.at(name) for problem in problems(given, wanted)]
+        if found:
+            raise ValueError(_together(found))
+        return converted(given, wanted)
     if wanted.kind == "list" and wanted.item is not None and isinstance(given, list):
-        return _read_list(world, wanted.item, given)
+        return _read_list(world, wanted.item, given, name)
     if wanted.name in world.readers:
         return world.readers[wanted.name](given)
     return convert(given, wanted)
 
 
-def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
+def _read_list(world: World, item: Type, given: list[Any], name: str) -> list[Any]:
     """Read every element; ValueError with the texts of all wrong ones."""
-    values, problems = [], []
+    values, wrong = [], []
     for element in given:
         try:
-            values.append(_read(world, item, element))
+            values.append(_read(world, item, element, name))
         except ValueError as problem:
-            problems.append(str(problem))
-    if problems:
-        raise ValueError(_together(problems))
+            wrong.append(str(problem))
+    if wrong:
+        raise ValueError(_together(wrong))
     return values
 
 

@@ -6,6 +6,8 @@ them.
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -20,11 +22,18 @@ LIFECYCLE = "lifecycle.yaml"
 MISSIONS = "missions"
 #: The folder of the parts, beside the missions.
 PARTS = "parts"
+#: The folder of a lifecycle that is extended, beside the one that extends it. It counts before the shipped
+#: one: a bundle, a journal and a task of a campaign carry theirs.
+EXTENDED = "extends"
 #: How the name of a bundle ends: a mission with all that it is made of, in one file.
 BUNDLE = ".lupin"
 #: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
 #: many seconds, in which no mission can be started.
 MAX_FILES, MAX_BYTES = 200, 1_000_000
+#: The line of a copy that says what it was made of.
+_ORIGIN = re.compile(rb"^origin: .*\n", re.MULTILINE)
+#: What a lifecycle is called that can stand in a folder.
+_PLAIN = re.compile(r"\w[\w-]*")
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -94,10 +103,36 @@ def default_missions_folder() -> Path:
     raise UsageError("this installation ships no missions; name a mission file")
 
 
+def shipped_lifecycles() -> dict[str, Path]:
+    """Return the lifecycles that this installation ships, by their names."""
+    try:
+        files = sorted(default_missions_folder().glob("*.yaml"))
+    except UsageError:
+        return {}
+    found = ((head(file), file) for file in files)
+    return {known[1]: file for known, file in found if known is not None and known[0] == "lifecycle"}
+
+
+def lifecycle_called(name: str, folder: Path) -> Path | None:
+    """Return the lifecycle that one in `folder` extends by its name: carried there, or shipped; else None."""
+    carried = folder / EXTENDED / f"{name}.yaml"
+    if _PLAIN.fullmatch(name) and carried.is_file():
+        return carried
+    return shipped_lifecycles().get(name)
+
+
+def origin_of(lifecycle: Path) -> dict[str, str]:
+    """Return what a copy of a shipped lifecycle says it was made of, as the key `origin` has it."""
+    named, raw = head(lifecycle), lifecycle.read_bytes()
+    digest = hashlib.sha256(raw).hexdigest()[:16]
+    return {"lifecycle": named[1] if named else "", "version": lupin_engine.__version__, "sha256": digest}
+
+
 def is_shipped(file: Path) -> bool:
     """Say whether a mission or lifecycle is a shipped one, or an unchanged copy of it."""
     try:
-        return file.read_bytes() == (default_missions_folder() / file.name).read_bytes()
+        shipped = (default_missions_folder() / file.name).read_bytes()
+        return _ORIGIN.sub(b"", file.read_bytes(), count=1) == shipped
     except (OSError, UsageError):
         return False
 

@@ -22,13 +22,23 @@ from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.compose.tree import UsedNode
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
+from lupin_engine.chart.extended import BaseFile, extended
 from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
-from lupin_engine.chart.source import head, parse_bytes, read_bytes
-from lupin_engine.chart.validation import Way, follows, read_document
+from lupin_engine.chart.sequences import write_out
+from lupin_engine.chart.source import Text, head, parse_bytes, read_bytes
+from lupin_engine.chart.strictness import stricter
+from lupin_engine.chart.validation import Way, follows, is_kind, read_document
 from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
-from lupin_engine.missions.folders import PARTS, is_mission, mission_files
+from lupin_engine.missions.folders import (
+    EXTENDED,
+    PARTS,
+    is_mission,
+    lifecycle_called,
+    mission_files,
+    shipped_lifecycles,
+)
 from lupin_engine.plugin.registry import Catalog
 
 if TYPE_CHECKING:
@@ -48,8 +58,8 @@ _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 class _Document(Generic[_D_co]):
     """A parsed file: its document, or None, its findings, and the uses in its states.
 
-    The uses are name, place and state; `left_out` are the parts with a wrong shape. The same bytes under the
-    same name are the same document.
+    The uses are name, place and state; `left_out` are the parts with a wrong shape; `base` is the lifecycle
+    that one extends. The same bytes under the same name are the same document.
     """
 
     node: _D_co | None
@@ -57,6 +67,7 @@ class _Document(Generic[_D_co]):
     uses: tuple[tuple[str, Place, str], ...] = ()
     raw: bytes = b""
     left_out: tuple[Way, ...] = ()
+    base: BaseFile | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,6 +126,8 @@ class LoadedMissions:
             path = Path(name)
             inside = Path(path.parent.name) if path.parent.name in (PARTS, BINDINGS) else Path()
             short, number = inside / path.name, 2
+            if name in self.chart.lifecycle_files[1:]:
+                short = Path(EXTENDED, f"{self.chart.extends}.yaml")
             while short.as_posix() in found.values():
                 short, number = inside / f"{path.stem}.{number}{path.suffix}", number + 1
             found[name] = short.as_posix()
@@ -233,12 +246,17 @@ def inspect_chart(
         from lupin_engine.bindings.allowed import check_allowed
 
         check_allowed(bound.bindings.values(), catalog, findings)
-    root = _read(lifecycle, LifecycleNode, findings, texts)
+    root = _read_lifecycle(lifecycle, findings, texts)
     read_missions = {path: _read(path, MissionNode, findings, texts) for path in missions}
     parts = _read_used((lifecycle, root), read_missions, findings, texts)
     read = (root, *read_missions.values(), *parts.values())
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
-    sources = {d.node.place.file: d.raw for d in read if d.node is not None}
+    sources: dict[str, bytes] = {}
+    for document in read:
+        if document.node is not None:
+            sources[document.node.place.file] = document.raw
+        if document.base is not None:
+            sources[document.base.file] = document.base.raw
     found = [*findings.all, *chain.from_iterable(document.found for document in read)]
     unread = any(document.node is None for document in read)
     if bound is None or unread or any(each.rule == "no-file" for each in found):
@@ -279,18 +297,63 @@ def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, 
     return _Document(None) if raw is None else _document(str(path), model, raw)
 
 
+def _read_lifecycle(path: Path, findings: Findings, texts: Mapping[Path, bytes]) -> _Document[LifecycleNode]:
+    """Parse a lifecycle, and the one that it extends; `findings` as for `_read`."""
+    raw = texts[path] if path in texts else read_bytes(path, findings)
+    named = _extended_by(str(path), raw) if raw is not None else None
+    if raw is None or named is None:
+        return _Document(None) if raw is None else _document(str(path), LifecycleNode, raw)
+    file = lifecycle_called(named, path.parent)
+    if file is None:
+        known = shipped_lifecycles()
+        findings.unknown(named.place, "unknown-lifecycle", "extends", "shipped lifecycle", named, known)
+        return _Document(None)
+    base = texts[file] if file in texts else read_bytes(file, findings)
+    if base is None:
+        return _Document(None)
+    return _document(str(path), LifecycleNode, raw, BaseFile(str(named), str(file), base))
+
+
+def expanded(lifecycle: Path) -> dict[str, Any]:
+    """Return the content of a lifecycle as one file, with that of the one that it extends.
+
+    Raises:
+        ChartError: it cannot be read, or an override is wrong.
+    """
+    findings = Findings()
+    document = _read_lifecycle(lifecycle, findings, SAVED)
+    errors = [one for one in (*findings.all, *document.found) if one.severity is Severity.ERROR]
+    if document.node is None or errors:
+        raise ChartError(errors)
+    return {key: value for key, value in document.node.content.items() if key != "extends"}
+
+
+@lru_cache(maxsize=MAX_CHARTS)
+def _extended_by(name: str, raw: bytes) -> Text | None:
+    """Return the name of the lifecycle that the bytes of one extend; None without a readable one."""
+    parsed = parse_bytes(raw, name, Findings()) if b"extends" in raw else None
+    named = parsed.get("extends") if parsed is not None else None
+    return named if isinstance(named, Text) else None
+
+
 @lru_cache(maxsize=MAX_DOCUMENTS)
-def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
+def _document(name: str, model: type[FileNode], raw: bytes, base: BaseFile | None = None) -> _Document[Any]:
     """Read the bytes of a file as a document; nothing else matters to it, so it can be remembered by them."""
     left_out: list[Way] = []
 
     def read(findings: Findings) -> FileNode | None:
         parsed = parse_bytes(raw, name, findings)
+        if parsed is not None and base is not None and is_kind(parsed, "lifecycle", findings):
+            under = parse_bytes(base.raw, base.file, findings)
+            for each in (parsed, under):
+                if each is not None:
+                    write_out(each, findings)
+            parsed = None if under is None else extended(parsed, under, findings, left_out)
         return None if parsed is None else read_document(parsed, model, findings, left_out)
 
     node, found = collected(read)
     uses = () if node is None else tuple(_uses(node.states, node, ""))
-    return _Document(node, found, uses, raw, tuple(left_out))
+    return _Document(node, found, uses, raw, tuple(left_out), base)
 
 
 def _read_used(
@@ -326,10 +389,11 @@ def _find_used(folder: Path, name: str, place: Place, state: str, findings: Find
         return found[0]
     if found:
         problem = f"{str(name)!r} is both a part and a mission: {part} and {mission}"
-        findings.add(place, "conflicting-definition", state, problem, "rename one of the files")
-    else:
-        problem = f"unknown part or mission {str(name)!r}"
-        findings.add(place, "unknown-part", state, problem, _instead_of(name, folder))
+        both = stricter("part-and-mission", place, state, problem, "the part counts; rename one of the files")
+        findings.extend([both])
+        return part if both.severity is Severity.WARN else None
+    problem = f"unknown part or mission {str(name)!r}"
+    findings.add(place, "unknown-part", state, problem, _instead_of(name, folder))
     return None
 
 

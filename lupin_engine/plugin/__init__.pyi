@@ -57,6 +57,7 @@ from .pages import PageSource as PageSource
 from .pages import ServePages as ServePages
 from .pages import declared_access as declared_access
 from .parameters import carried_as as carried_as
+from .parameters import is_json as is_json
 from .parameters import named as named
 from .parameters import narrowed as narrowed
 from .parameters import sorted_out as sorted_out
@@ -121,6 +122,7 @@ from .types import Type as Type
 from .types import convert as convert
 from .types import in_base as in_base
 from .types import in_unit as in_unit
+from .types import innermost as innermost
 from .types import list_of as list_of
 from .types import named_values as named_values
 from .types import number_in as number_in

@@ -7,11 +7,11 @@ from typing import Any
 
 from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Notation, Type, convert, within
+from lupin_engine.plugin.types import Notation, Type, convert, innermost, within
 
 _SCALARS = ("bool", "integer", "number", "text")
 #: What a parameter can be, for people.
-POSSIBLE_TYPES = f"can be {', '.join(_SCALARS)}, a list of one of these, or a record of numbers"
+POSSIBLE_TYPES = f"can be {', '.join(_SCALARS)}, a record, or a list of one of these"
 #: Parameters that every orchestrator has itself, and those of every node of ROS.
 RESERVED = frozenset(
     {
@@ -41,12 +41,24 @@ Reader = Callable[[str, Parameter, Any], Any]
 
 
 def carried_as(kind: Type) -> str:
-    """Return how a node has a parameter of a type: 'number', 'list of number', ...; '' where it cannot."""
-    if kind.kind == "record" and all(field.kind == "number" for field in kind.fields.values()):
+    """Return how a node has a parameter of a type: 'number', 'list of number', ...; '' where it cannot.
+
+    A record of numbers is a list of them, and any other one, alone or in lists, a text: see `is_json`.
+    """
+    if is_json(kind):
+        return "text"
+    if kind.kind == "record":
         return "list of number"
     if kind.kind == "list" and kind.item is not None and kind.item.kind in _SCALARS:
         return f"list of {kind.item.kind}"
     return kind.kind if kind.kind in _SCALARS else ""
+
+
+def is_json(kind: Type) -> bool:
+    """Say whether a node has a parameter of a type as a text of JSON: one with records, but a pose."""
+    inner = innermost(kind)
+    numbers = all(field.kind == "number" for field in inner.fields.values())
+    return inner.kind == "record" and (kind is not inner or not numbers)
 
 
 def narrowed(spec: Parameter) -> Type:

@@ -478,7 +478,8 @@ def _type_problems(where: str, kind: object) -> Iterator[str]:
 def _range_problems(where: str, kind: Type, lowest: float | None, highest: float | None) -> Iterator[str]:
     if lowest is None and highest is None:
         return
-    if kind.kind not in ("integer", "number"):
+    is_list = kind.kind == "list" and lowest is None
+    if kind.kind not in ("integer", "number") and not is_list:
         yield f"{where}: a {kind} has no minimum or maximum"
     elif lowest is not None and highest is not None and lowest > highest:
         yield f"{where}: the minimum {lowest:g} is above the maximum {highest:g}"

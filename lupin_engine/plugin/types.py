@@ -230,8 +230,8 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
     """
     words = text.split()
     made: list[Callable[[Type], Type]] = []
-    while len(words) > 2 and words[0] in _GATHERED and words[1] == "of":
-        made.append(_GATHERED[words[0]])
+    while len(words) > 2 and words[0] in GATHERED and words[1] == "of":
+        made.append(GATHERED[words[0]])
         words = words[2:]
     if len(made) > MAX_LISTS:
         raise ValueError(f"more than {MAX_LISTS} lists in each other; use fewer")
@@ -244,7 +244,8 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
     return kind
 
 
-_GATHERED: Mapping[str, Callable[[Type], Type]] = {"list": list_of, "set": set_of}
+#: What a type is gathered in, by its word.
+GATHERED: Mapping[str, Callable[[Type], Type]] = {"list": list_of, "set": set_of}
 
 
 def parse_quantity(text: str) -> tuple[float, str] | None:
@@ -355,7 +356,8 @@ def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> 
     """
     found = problems(value, wanted, notation)
     if found:
-        raise ValueError(found[0].text)
+        is_inside = any(isinstance(step, str) for step in found[0].path)
+        raise ValueError(found[0].at().removeprefix(".") if is_inside else found[0].text)
     return converted(value, wanted)
 
 
@@ -387,8 +389,6 @@ def unique(values: Sequence[Any]) -> list[Any]:
 def fitted(value: Any, kind: Type) -> Any:
     """Return a computed value of type `kind`, in base units, as it is stored: of a set, each element once.
 
-    Fields of records are not checked.
-
     Raises:
         ValueError: a number is out of range or not finite, a text is longer than `MAX_TEXT` or does not match
             its pattern, or a list has too many elements.
@@ -399,6 +399,9 @@ def fitted(value: Any, kind: Type) -> Any:
         raise ValueError(f"a {kind}, got {value!r}")
     if kind.kind in ("integer", "number") and (allowed := beyond(value, kind)):
         raise ValueError(f"a {kind} {allowed}, got {value!r}")
+    if kind.kind == "record" and isinstance(value, dict):
+        fields = {name: fitted(value[name], inner) for name, inner in kind.fields.items() if name in value}
+        return {**value, **fields}
     if kind.kind != "list" or kind.item is None:
         _check_bounds(value, kind)
         return value
@@ -455,12 +458,15 @@ def _wrong_fields(
     if notation is not Notation.DATA:
         for name in value:
             if name not in wanted.fields:
-                yield Fault.UNKNOWN_FIELD, (name,), _expected_record(value, wanted)
+                yield (
+                    Fault.UNKNOWN_FIELD,
+                    (name,),
+                    f"a {wanted} has no {name!r}; {nearest(str(name), wanted.fields)}",
+                )
     missing = [name for name in wanted.fields if name not in value]
     if missing:
         left_out = f"{' and '.join(missing)} of {wanted} left out"
-        text = left_out if notation is Notation.DATA else _expected_record(value, wanted)
-        yield Fault.MISSING_FIELDS, (), text
+        yield Fault.MISSING_FIELDS, (), left_out
 
 
 def _expected_record(value: Any, wanted: Type) -> str:

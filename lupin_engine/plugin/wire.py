@@ -60,9 +60,13 @@ def filled_in(w: float) -> float:
 
 
 def pose_from(value: Any, kind: Type) -> Any:
-    """Return the message as a `pose` where that is wanted; anything else as it is."""
-    if kind.name != POSE.name or not isinstance(value, Mapping) or "orientation" not in value:
+    """Return a message with a `pose` where one is wanted, and the fields of a record; else as it is."""
+    if kind.item is not None and isinstance(value, list):
+        return [pose_from(each, kind.item) for each in value]
+    if not kind.fields or not isinstance(value, Mapping):
         return value
+    if kind.name != POSE.name or "orientation" not in value:
+        return {name: pose_from(value[name], of) for name, of in kind.fields.items() if name in value}
     position, turned = value["position"], value["orientation"]
     x, y, z, w = (turned[name] for name in "xyzw")
     # For a quaternion of any length, as `world.poses.heading` has it; neither room may know the other.

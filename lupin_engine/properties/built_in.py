@@ -27,6 +27,9 @@ from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.chart.rules.walks import closes_in_fault
+from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart.strictness import is_dated
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase
@@ -460,6 +463,8 @@ def _all_closed(passage: Passage) -> str | None:
     ahead = {id(visit) for walk in walks for visit in walk.visits}
     visits += [visit for visit in memory.ahead if id(visit) in ahead]
     still = [visit.target for visit in visits if not visit.closed]
+    if still and FAULT in memory.configuration and not closes_in_fault(passage.chart):
+        still = [] if is_dated("silent-fault") else still
     if still:
         return f"the mission ended without a result for {', '.join(still)}"
     return "" if visits else None
@@ -517,9 +522,10 @@ def _invariants(passage: Passage) -> str | None:
 @_built_in("ends_are_handled", "Every end of an operation, and every error, is handled by a transition.")
 def _ends_are_handled(passage: Passage) -> str | None:
     unheard = [note for note in passage.step.notes if note.startswith("nobody handles the error")]
-    if unheard:
-        return unheard[0]
     memory = passage.after
+    if unheard:
+        is_wait = FAULT in memory.configuration and is_dated("wait-in-fault")
+        return "" if is_wait else unheard[0]
     ended = [i for i in touched(memory.invocations) if is_over(i, memory) and i.id not in passage.before.over]
     for invocation in ended:
         rules = [rule for rule in taken(passage) if rule.event in ("done", "error")]

@@ -265,14 +265,13 @@ class Coverage:
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
         """Add the counts of one run of a mission."""
-        missions = [*chart.missions] if _is_around_own(chart) else ["", *chart.missions]
+        own = _own_items(chart)
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
-            for item in items(chart):
-                if item.mission in missions:
-                    self._part(chart, item.mission).items.setdefault(item.key, item)
+            for item in own:
+                self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
-        for name in missions:
+        for name in dict.fromkeys((*chart.missions, *(item.mission for item in own))):
             self._part(chart, name).counts.update(counts)
 
     def _part(self, chart: Chart, mission: str) -> FileCoverage:
@@ -304,10 +303,12 @@ class Coverage:
 
 
 @lru_cache(maxsize=32)
-def _is_around_own(chart: Chart) -> bool:
-    """Return whether a chart is the shipped lifecycle around missions that are not shipped."""
-    missions = (Path(mission.file) for mission in chart.missions.values())
-    return is_shipped(Path(chart.states[""].place.file)) and not any(map(is_shipped, missions))
+def _own_items(chart: Chart) -> tuple[CoverageItem, ...]:
+    """Return the items of a chart; those of a shipped lifecycle count around shipped missions only."""
+    shipped = {file for file in chart.lifecycle_files if is_shipped(Path(file))}
+    if any(is_shipped(Path(mission.file)) for mission in chart.missions.values()):
+        shipped = set()
+    return tuple(item for item in items(chart) if item.place.file not in shipped)
 
 
 def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:

@@ -47,9 +47,10 @@ class LivedStep:
 
 @dataclass(frozen=True)
 class Reason:
-    """A taken transition: its place in the file, its guard ('': none) and the values that it read."""
+    """A taken transition: its file and place, its guard ('': none) and the values that it read."""
 
     transition: str
+    file: str
     place: Place
     guard: str = ""
     read: tuple[tuple[str, Any], ...] = ()
@@ -57,7 +58,7 @@ class Reason:
     def __str__(self) -> str:
         values = ", ".join(f"{name} was {shorten(value)}" for name, value in self.read)
         condition = f": {self.guard}" + (f" ({values})" if values else "") if self.guard else ""
-        return f"{self.place.file.rpartition('/')[2]}:{self.place.line}{condition}"
+        return f"{self.file}:{self.place.line}{condition}"
 
 
 @dataclass(frozen=True)
@@ -326,7 +327,8 @@ class Inquiry:
             rule = self._rules.get(name)
             if rule is None:
                 continue  # the chart's own answer to an error
-            yield Reason(name, rule.place, rule.guard.source, (one.guards or {}).get(name, ()))
+            file, read = self._chart.file_of(rule.place), (one.guards or {}).get(name, ())
+            yield Reason(name, file, rule.place, rule.guard.source, read)
 
 
 def broken_property(step: Step) -> str:

@@ -16,32 +16,40 @@ from lupin_engine.plugin.profile import Rating, Stages
 from lupin_engine.plugin.types import Type
 
 
-class _DeclaredField(TypedDict):
-    name: str
+class _DeclaredType(TypedDict):
     type: str
     kind: Annotated[str, Literal["bool", "integer", "number", "text", "name", "list", "record", "any"]]
-    required: bool
 
 
-class FieldRecord(_DeclaredField, total=False):
-    """A field of a request, with a type and its base unit.
+class TypeRecord(_DeclaredType, total=False):
+    """A type with its base unit.
 
     `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
-    plugin. A computed default is given as it would be now, and as its expression (`computed`). `at_most`
-    limits the number of elements of a list.
+    plugin, and a record has `fields`. `at_most` limits the number of elements of a list.
     """
 
-    summary: str
     unit: str
     allowed: list[str]
     pattern: str
     example: str
-    default: Any
-    computed: str
     minimum: float
     maximum: float
     at_most: float
     distinct: bool
+    fields: dict[str, TypeRecord]
+
+
+class _DeclaredField(TypeRecord):
+    name: str
+    required: bool
+
+
+class FieldRecord(_DeclaredField, total=False):
+    """A field of a request: a computed default is as it would be now, and its expression (`computed`)."""
+
+    summary: str
+    default: Any
+    computed: str
     may_be_empty: bool
 
 
@@ -125,19 +133,14 @@ def _field(field: Field, machine: Machine, now: float) -> FieldRecord:
     found: dict[str, Any] = {"name": field.name, **_type(field.type), "required": field.default is None}
     if (field.type.item or field.type).name in machine.scope.world.readers:
         found["kind"] = "name"
+        found.pop("fields", None)
     if field.default is not None:
         found["default"] = _default(field, machine, now)
         if not isinstance(field.default, Constant):
             found["computed"] = field.default.source
-    single = field.type.item or field.type
-    low = single.minimum if field.minimum is None else field.minimum
-    most = field.type.maximum if field.type.item else None
     more = {
         "summary": field.summary or None,
-        "minimum": low,
-        "maximum": single.maximum,
-        "at_most": most,
-        "distinct": field.type.distinct or None,
+        "minimum": field.minimum,
         "may_be_empty": None if field.not_empty is None else False,
     }
     found |= {name: value for name, value in more.items() if value is not None}
@@ -146,14 +149,19 @@ def _field(field: Field, machine: Machine, now: float) -> FieldRecord:
 
 def _type(kind: Type) -> dict[str, Any]:
     inner = kind.item or kind
-    found: dict[str, Any] = {"type": kind.name, "kind": inner.kind}
-    if inner.unit:
-        found["unit"] = inner.unit
-    if inner.values:
-        found["allowed"] = list(inner.values)
-    if inner.pattern:
-        found |= {"pattern": inner.pattern, "example": inner.example}
-    return found
+    more = {
+        "unit": inner.unit or None,
+        "allowed": list(inner.values) or None,
+        "pattern": inner.pattern or None,
+        "example": inner.example if inner.pattern else None,
+        "minimum": inner.minimum,
+        "maximum": inner.maximum,
+        "at_most": kind.maximum if kind.item else None,
+        "distinct": kind.distinct or None,
+        "fields": {name: _type(each) for name, each in inner.fields.items()} or None,
+    }
+    found = {"type": kind.name, "kind": inner.kind}
+    return found | {name: value for name, value in more.items() if value is not None}
 
 
 def _default(field: Field, machine: Machine, now: float) -> Any:

@@ -3,6 +3,8 @@ from .by_hand import Hand as Hand
 from .by_hand import Read as Read
 from .by_hand import Wrong as Wrong
 from .by_hand import first as first
+from .expectations import Comparison as Comparison
+from .expectations import rewritten as rewritten
 from .measured import Drain as Drain
 from .measured import Measured as Measured
 from .measured import distance_of as distance_of

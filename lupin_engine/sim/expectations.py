@@ -7,11 +7,13 @@ from itertools import zip_longest
 from typing import Any
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.chart.strictness import is_dated, stricter
+from lupin_engine.errors import Diagnostic
 from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.mocks import contains
-from lupin_engine.plugin.profile import Publish
+from lupin_engine.plugin.profile import START, Publish
 from lupin_engine.plugin.types import converted
 from lupin_engine.properties.built_in import INVARIANTS
 from lupin_engine.runtime.history import AttemptHistory
@@ -43,6 +45,8 @@ class Comparison:
         self._run = run
         self._chart: Chart = run.chart
         self._maker = FailureMaker(run)
+        #: What holds as an older engine meant it, after `failures`.
+        self.dated: list[Diagnostic] = []
 
     def failures(self) -> Iterator[ScenarioFailure]:
         """Yield the differences; after any, the unused mocks too, because one may explain a difference."""
@@ -57,10 +61,9 @@ class Comparison:
         yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, run.history.lifecycles)
         yield from OrderComparison(expect, run, self._maker).failures()
-        yield from self._visits("visits", expect.visits, run.visits)
-        yield from self._visits(
-            "published", expect.published, [publish for _, publish in run.history.published]
-        )
+        yield from self._visits("visits", expect.visits, run.visits, run.visits_of_sweep)
+        published = [publish for _, publish in run.history.published]
+        yield from self._visits("published", expect.published, published, _without_early(run))
         yield from self._statuses()
         yield from self._refused() if looks_at_all else ()
         yield from self._appeared("holds", expect.holds, run.history.holds)
@@ -139,17 +142,30 @@ class Comparison:
     # -- outcomes ---------------------------------------------------------------------------------------
 
     def _visits(
-        self, word: str, expected: Sequence[VisitNode] | None, visits: Sequence[Visit | Publish]
+        self,
+        word: str,
+        expected: Sequence[VisitNode] | None,
+        visits: Sequence[Visit | Publish],
+        once: Sequence[Visit | Publish],
     ) -> Iterator[ScenarioFailure]:
+        """Compare visits; those that an older engine had `once` are a warning."""
         if expected is None:
             return
-        pairs = [_pair(expected, visits, index) for index in range(max(len(expected), len(visits)))]
+        pairs = _pairs(expected, visits)
         first = next((index for index, pair in enumerate(pairs) if not _is_met(*pair)), None)
         if first is None:
             return
         node, visit = pairs[first]
         place = self._expect.at(word, first if node is not None else None)
         actual = [_outcome_text(visit, node) for node, visit in pairs if visit is not None]
+        if all(_is_met(*pair) for pair in _pairs(expected, once)) and is_dated("early-outcomes"):
+            problem = "every target of a request has an outcome now, also before its visit"
+            new = [one for one in rewritten(expected, visits) if isinstance(one, str)]
+            hint = f"not expected: {', '.join(new)}"
+            self.dated.append(
+                stricter("early-outcomes", self._expect.at(word), f"expect.{word}", problem, hint)
+            )
+            return
         around = self._publication(word, first, visit)
         yield self._maker.failure(place, word, list(map(str, expected)), actual, around)
 
@@ -304,11 +320,34 @@ def _is_in(wanted: CountNode, count: int) -> bool:
     return wanted.at_least <= count and (wanted.at_most is None or count <= wanted.at_most)
 
 
-def _pair(
-    expected: Sequence[VisitNode], visits: Sequence[Visit | Publish], index: int
-) -> tuple[VisitNode | None, Visit | Publish | None]:
-    node = expected[index] if index < len(expected) else None
-    return node, visits[index] if index < len(visits) else None
+def _pairs(
+    expected: Sequence[VisitNode], visits: Sequence[Visit | Publish]
+) -> list[tuple[VisitNode | None, Visit | Publish | None]]:
+    return list(zip_longest(expected, visits))
+
+
+def _without_early(run: Run) -> list[Publish]:
+    """Return the outcomes that were published from the first visit of each mission on."""
+    walkers = {state.name for state in run.chart.states.values() if state.itinerary is not None}
+    found: list[Publish] = []
+    begun = False
+    for step in run.steps:
+        begun = (begun and not (step.event.name == START and step.taken)) or not walkers.isdisjoint(
+            step.entered
+        )
+        found += [command for command in step.commands if begun and isinstance(command, Publish)]
+    return found
+
+
+def rewritten(expected: Sequence[VisitNode], visits: Sequence[Visit | Publish]) -> list[int | str]:
+    """Return what a scenario would expect of visits: the number of what it expects already, or a new text."""
+    found: list[int | str] = []
+    kept = 0
+    for visit in visits:
+        stays = kept < len(expected) and _is_met(expected[kept], visit)
+        found.append(kept if stays else _outcome_text(visit, None))
+        kept += stays
+    return found
 
 
 def _is_met(node: VisitNode | None, visit: Visit | Publish | None) -> bool:

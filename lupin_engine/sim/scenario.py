@@ -128,6 +128,13 @@ class Scenario:
         """Return every expectation that `run` does not meet, in the order of the file's words."""
         return list(Comparison(self.node, run).failures())
 
+    def dated(self, run: Run) -> list[Diagnostic]:
+        """Return a warning for each expectation that `run` meets as an older engine meant it."""
+        comparison = Comparison(self.node, run)
+        for _ in comparison.failures():
+            pass
+        return comparison.dated
+
 
 def is_scenario(name: str) -> bool:
     """Say whether a path is meant as a scenario file."""

@@ -15,7 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from lupin_engine.chart.documents import PropertyNode, Written
-from lupin_engine.chart.nodes import Node, show, wrong_shape
+from lupin_engine.chart.nodes import VERSION_HELP, Node, Version, show, wrong_shape
 
 #: The moment at which a simulation is over.
 END = "end"
@@ -236,7 +236,7 @@ class RestartNode(ShortNode):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        if not isinstance(data, (str, dict)):
+        if not isinstance(data, (str, dict)) and data is not True:  # a row of `chart.strictness`
             raise wrong_shape(f"expected a duration such as '5 s', got {show(data)}")
         return data if isinstance(data, dict) else {"after": data}
 
@@ -459,6 +459,7 @@ class ScenarioNode(ScriptNode):
         {"timeout": ("a scenario has no timeout", "write 'limit: 10 min', or 'within' under 'expect'")}
     )
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     scenario: str = Field(description="one sentence: what is promised")
     mission: str = Field(description="mission, by name or file")
     properties: dict[str, PropertyNode] = Field(

@@ -8,12 +8,13 @@ from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, scope_of
+from lupin_engine.chart.compose.timeless import own_name, read_property, scope_of
 from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Place
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
@@ -34,6 +35,7 @@ from lupin_engine.sim.scenario_file import (
     MomentNode,
     NameOf,
     OutcomeNode,
+    RestartNode,
     ScenarioNode,
     ScriptNode,
     WhenNode,
@@ -184,14 +186,17 @@ class ScenarioNames:
         found, scope = {}, scope_of(self.chart) if node.properties else None
         for name, one in node.properties.items():
             place = node.key_at("properties", name)
-            if name in self.properties or name in WATCHED_ALWAYS:
-                problem = f"there is a property {name!r} already"
+            own = own_name(name, one, place, self.findings)
+            if own is None:
+                continue
+            if own in self.properties:
+                problem = f"there is a property {own!r} already"
                 self.findings.add(place, "conflicting-definition", f"properties.{name}", problem, "rename it")
             mission = next(iter(self.chart.missions), "")
-            read = read_property(name, one, place, scope, self.findings, mission) if scope else None
+            read = read_property(own, one, place, scope, self.findings, mission) if scope else None
             if read is not None:
-                found[name] = read
-        self.properties |= node.properties.keys()
+                found[own] = read
+        self.properties |= node.properties.keys() | found.keys()
         return found
 
     def parts(self, what: str, given: Map, declared: Mapping[str, Type], path: str) -> dict[str, Any]:
@@ -212,7 +217,14 @@ class ScenarioNames:
         if is_expression(raw):
             self.wrong(place, path, f"a scenario computes nothing, got {show(raw)}", "write the value itself")
             return None
-        read = read_constant(raw, place, kind, self.findings, path)
+        found = Findings()
+        read = read_constant(raw, place, kind, found, path)
+        if isinstance(raw, (int, float)) and [one.rule for one in found.all] == ["no-unit"]:
+            bare = found.all[0]
+            found = Findings()
+            found.extend([stricter("bare-quantity", place, path, bare.problem, bare.hint)])
+            read = read_constant(f"{raw!r} {kind.unit}", place, kind, found, path)
+        self.findings.extend(found.all)
         return None if read is None else read.value
 
     def duration(self, place: Place, path: str, value: Any) -> float | None:
@@ -448,8 +460,15 @@ class ScriptReader:
         if node.clock is not None:
             yield SetClock(node.clock)
         if node.restart is not None:
-            away = node.restart.after
-            yield Restart(self._words.duration(node.restart.at("after"), "restart.after", away) or 0.0)
+            yield self._restart(node, node.restart)
+
+    def _restart(self, node: WhenNode, restart: RestartNode) -> Restart:
+        if restart.after is True:
+            problem, hint = "expected a duration such as '5 s', got true", "write 'restart: 1 s' and a resume"
+            place = node.at("restart")
+            self._words.findings.extend([stricter("restart-true", place, "when.restart", problem, hint)])
+            return Restart(None)
+        return Restart(self._words.duration(restart.at("after"), "restart.after", restart.after) or 0.0)
 
     def _reports(self, node: WhenNode, name: str, value: Any) -> Iterator[SetValue]:
         """Yield the change of a live value, which may be named as the plugin or as the chart names it."""
@@ -516,7 +535,7 @@ def _check_marked(
         names.look_up(node, key, value, mark)
     elif isinstance(mark, IsClock):
         names.clock(node.at(key), key, value)
-    else:
+    elif not (isinstance(node, RestartNode) and value is True):  # a row of `chart.strictness`
         names.duration(node.at(key), key, value)
 
 

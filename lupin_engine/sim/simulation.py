@@ -22,6 +22,7 @@ from lupin_engine.machine.event import STANDSTILL, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
@@ -120,10 +121,11 @@ class SetClock:
 class Restart:
     """The orchestrator ends, and `after` seconds later a new process recovers from its journal.
 
-    The world runs on meanwhile: servers end attempts and values change, unnoticed.
+    The world runs on meanwhile: servers end attempts and values change, unnoticed. Without `after` the
+    machine goes on at once from its snapshot, without a hold, as `restart: true` of old scenarios means.
     """
 
-    after: float = 0.0
+    after: float | None = 0.0
 
 
 @dataclass(frozen=True)
@@ -201,7 +203,8 @@ class MomentView:
 class Run:
     """The result of a simulation: its history, and its final state.
 
-    `visits` are the visits of all itineraries, `context` the variables at the end. `cut_off`: a limit of time
+    `visits` are the visits of all itineraries, `visits_of_sweep` those of the running sweep of each that has
+    begun, `context` the variables at the end. `cut_off`: a limit of time
     or steps was reached; `stopped`: the state of `stop_at` was entered. `unfired`: happenings that never took
     place; `idle`: those without effect, with the time. `views` are the recorded views, by number.
     `parameters` are the given settings. `unspent` counts the attempts under each rule with unused outcomes,
@@ -222,6 +225,7 @@ class Run:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unspent: Mapping[int, int] = field(default_factory=dict)
     violated: tuple[tuple[Step | None, str, str], ...] = ()
+    visits_of_sweep: tuple[Visit, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Run to {self.view.lifecycle} in {self.seconds:g} s: {len(self.steps)} steps>"
@@ -533,6 +537,10 @@ class Simulation:
     def _restart(self, effect: Restart) -> bool:
         if self._is_away or self._journal is None:
             return False
+        if effect.after is None:
+            memory = restore(self._machine.chart, self._machine.snapshot())
+            self._machine = self._engine.machine = Machine(self._world, memory)
+            return True
         self._is_away = True
         self._stage.disconnect()
         self._agenda.note(self._clock.now() + effect.after, self._come_back)
@@ -613,10 +621,12 @@ class Simulation:
 
     def result(self, cut_off: bool) -> Run:
         """Return the result until now."""
+        walks = self._machine.memory.itineraries.values()
         return Run(
             chart=self._machine.chart,
             history=self.history,
             visits=self._machine.memory.outcomes,
+            visits_of_sweep=tuple(v for walk in walks if walk.begun for v in walk.visits),
             view=self._machine.view,
             seconds=self._clock.now(),
             cut_off=cut_off,

@@ -89,7 +89,7 @@ class Suite:
     def _tried(self, scenario: Scenario, seeds: Sequence[int]) -> ScenarioResult:
         is_random = scenario.is_random
         counts: Counts = Counts()
-        runs, seconds, failures, last = 0, 0.0, [], None
+        runs, seconds, failures, last, run = 0, 0.0, [], None, None
         for seed in seeds if is_random else seeds[:1]:
             run = scenario.run(seed)
             runs, seconds, last = runs + 1, run.seconds, seed
@@ -107,5 +107,5 @@ class Suite:
             seconds=seconds,
             mission=scenario.mission,
             counts=counts,
-            warnings=scenario.warnings,
+            warnings=(*scenario.warnings, *(scenario.dated(run) if run is not None else ())),
         )

@@ -15,6 +15,7 @@ from .network import type_name as type_name
 from .node import ActionCaller as ActionCaller
 from .node import CallFailure as CallFailure
 from .node import Goal as Goal
+from .node import GoalCallbacks as GoalCallbacks
 from .node import Qos as Qos
 from .node import RosNode as RosNode
 from .node import RosTimer as RosTimer

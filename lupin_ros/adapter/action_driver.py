@@ -18,7 +18,7 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from lupin_engine.plugin import Outlet
-from lupin_ros.adapter.actions import WORKING, goal_id
+from lupin_ros.adapter.actions import WORKING, GoalCallbacks, goal_id
 from lupin_ros.adapter.host import Repeater
 from lupin_ros.adapter.node import Goal, Qos, RosNode, ServiceCaller
 from lupin_ros.adapter.service_driver import Done, Failed
@@ -158,15 +158,15 @@ class ActionServer:
         if self._others is not None:
             self._others.own(key)
 
-    def send(self, goal: Any, key: str, **callbacks: Callable[..., None]) -> Goal:
+    def send(self, goal: Any, key: str, callbacks: GoalCallbacks) -> Goal:
         """Send a goal; see `ActionCaller.send`."""
         self._own(key)
-        return self._caller.send(goal, key=key, **callbacks)
+        return self._caller.send(goal, callbacks, key)
 
-    def adopt(self, key: str, **callbacks: Callable[..., None]) -> Goal:
+    def adopt(self, key: str, callbacks: GoalCallbacks) -> Goal:
         """Follow a goal of an earlier process; see `ActionCaller.adopt`."""
         self._own(key)
-        return self._caller.adopt(key, **callbacks)
+        return self._caller.adopt(key, callbacks)
 
     def close(self) -> None:
         """Release the client; no callback follows."""
@@ -235,15 +235,16 @@ class ActionAttempts:
         made = self._running.get(attempt)
         if made is None:
             return  # it has ended while goals of others were being cancelled
-        made.goal = made.operation.server.send(
-            goal,
-            self._key(attempt),
+        made.goal = made.operation.server.send(goal, self._key(attempt), self._callbacks(attempt))
+
+    def _callbacks(self, attempt: str) -> GoalCallbacks:
+        return GoalCallbacks(
             accepted=partial(self._on_accepted, attempt),
             feedback=partial(self._on_feedback, attempt),
             ended=partial(self._on_ended, attempt),
             rejected=partial(self._on_rejected, attempt),
+            refused=partial(self._on_refused, attempt),
         )
-        made.goal.refused = partial(self._on_refused, attempt)
 
     def recover(self, attempt: str, operation: ActionOperation, *, adopt: bool) -> None:
         """Follow the goal that an earlier process has sent for an attempt; cancel it unless `adopt`.
@@ -252,12 +253,7 @@ class ActionAttempts:
         """
         made = self._running[attempt] = _GoalAttempt(operation, cancelling=not adopt)
         made.out_of_sight = SERVER_GRACE_S - RECOVERY_GRACE_S
-        made.goal = operation.server.adopt(
-            self._key(attempt),
-            feedback=partial(self._on_feedback, attempt),
-            ended=partial(self._on_ended, attempt),
-        )
-        made.goal.refused = partial(self._on_refused, attempt)
+        made.goal = operation.server.adopt(self._key(attempt), self._callbacks(attempt))
         self._watching.start()
         if not adopt:
             made.goal.cancel()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -56,6 +57,23 @@ def _nothing(*_: object) -> None:
     """Report nothing."""
 
 
+@dataclass(frozen=True)
+class GoalCallbacks:
+    """What a goal calls, on the node's thread.
+
+    `accepted` comes at most once, then `feedback` any number of times, then `ended(status, result)` with an
+    `action_msgs/GoalStatus` (4 succeeded, 5 canceled, 6 aborted, 0 when a restarted server does not know the
+    goal). `rejected` comes instead when the goal was never taken. `refused` comes once where the server
+    refuses a cancel. While no server answers, nothing comes: deadlines are the caller's.
+    """
+
+    accepted: Callable[[], None] = _nothing
+    feedback: Callable[[Any], None] = _nothing
+    ended: Callable[[int, Any], None] = _nothing
+    rejected: Callable[[], None] = _nothing
+    refused: Callable[[], None] = _nothing
+
+
 class ActionCaller:
     """The client of one action."""
 
@@ -82,39 +100,25 @@ class ActionCaller:
         """Return whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
         return bool(self.client.server_is_ready())
 
-    def send(
-        self,
-        goal: Any,
-        *,
-        accepted: Callable[[], None],
-        feedback: Callable[[Any], None],
-        ended: Callable[[int, Any], None],
-        rejected: Callable[[], None],
-        key: str = "",
-    ) -> Goal:
-        """Send `goal`; all callbacks come on the node's thread. With a `key` another process can `adopt` it.
-
-        `accepted` comes at most once, then `feedback` any number of times, then `ended(status, result)`
-        with an `action_msgs/GoalStatus` (4 succeeded, 5 canceled, 6 aborted, 0 when a restarted server
-        does not know the goal). `rejected` comes instead when the goal was never taken. While no server
-        answers, nothing comes: deadlines are the caller's.
+    def send(self, goal: Any, callbacks: GoalCallbacks, key: str = "") -> Goal:
+        """Send `goal`. With a `key` another process can `adopt` it.
 
         Raises:
             RuntimeError: the client is closed.
         """
-        sent = self._follow(Goal(self, accepted, feedback, ended, rejected, key))
+        sent = self._follow(Goal(self, callbacks, key))
         sent.send(goal)
         return sent
 
-    def adopt(self, key: str, feedback: Callable[[Any], None], ended: Callable[[int, Any], None]) -> Goal:
-        """Follow a goal that an earlier process has sent with a `key`, as if it had been sent here.
+    def adopt(self, key: str, callbacks: GoalCallbacks) -> Goal:
+        """Follow a goal that an earlier process has sent with a `key`; it counts as accepted.
 
-        Its end is reported as for `send`; status 0 where the server does not know it.
+        It ends with status 0 where the server does not know it.
 
         Raises:
             RuntimeError: the client is closed.
         """
-        found = self._follow(Goal(self, _nothing, feedback, ended, _nothing, key))
+        found = self._follow(Goal(self, callbacks, key))
         found.adopt()
         return found
 
@@ -184,23 +188,10 @@ class ActionCaller:
 class Goal:
     """One active goal; ends in exactly one of rejected and ended."""
 
-    def __init__(
-        self,
-        caller: ActionCaller,
-        accepted: Callable[[], None],
-        feedback: Callable[[Any], None],
-        ended: Callable[[int, Any], None],
-        rejected: Callable[[], None],
-        key: str = "",
-    ) -> None:
+    def __init__(self, caller: ActionCaller, callbacks: GoalCallbacks, key: str = "") -> None:
         self._caller = caller
         self._client = caller.client
-        self._report_accepted = accepted
-        self._report_feedback = feedback
-        self._report_ended = ended
-        self._report_rejected = rejected
-        #: Called once where the server refuses to cancel the goal.
-        self.refused: Callable[[], None] = _nothing
+        self._report = callbacks
         self._id = UUID(uuid=list(goal_id(caller.name, key) if key else uuid.uuid4().bytes))
         self._handle = self._own_handle()
         self._accepted = False
@@ -247,8 +238,7 @@ class Goal:
 
     def abandon(self) -> None:
         """Cancel the goal, accepted or not, and make no callback any more."""
-        self._report_accepted, self._report_feedback = self.cancel, _nothing
-        self._report_rejected = self._report_ended = self.refused = _nothing
+        self._report = GoalCallbacks(accepted=self.cancel)
         self._abandoned = True
         self._cancels.start()
         if not self._cancelling:
@@ -274,20 +264,20 @@ class Goal:
             self._handle = handle  # this one is kept up to date by the status topic
             self._accept()
         else:
-            self._end(self._report_rejected)
+            self._end(self._report.rejected)
 
     def _accept(self) -> None:
         if self._accepted:
             return
         self._accepted = True
         self._ask_result()
-        self._report_accepted()
+        self._report.accepted()
 
     def _on_feedback(self, message: Any) -> None:
         if self._over:
             return
         self._accept()  # feedback may overtake the answer to the goal request
-        self._report_feedback(message.feedback)
+        self._report.feedback(message.feedback)
 
     def _ask_result(self) -> None:
         future = self._client._get_result_async(self._handle)
@@ -298,12 +288,12 @@ class Goal:
         if self._over:
             return
         if not self._accepted and response.status == GoalStatus.STATUS_UNKNOWN:
-            self._end(self._report_rejected)
+            self._end(self._report.rejected)
             return
         if not self._accepted:
             self._accepted = True
-            self._report_accepted()
-        self._end(lambda: self._report_ended(int(response.status), response.result))
+            self._report.accepted()
+        self._end(partial(self._report.ended, int(response.status), response.result))
 
     def _end(self, report: Callable[[], None]) -> None:
         self._over = True
@@ -350,7 +340,7 @@ class Goal:
         if not self.is_refused:
             self.is_refused = True
             self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
-            self.refused()
+            self._report.refused()
 
     def _end_abandoned(self, code: int) -> None:
         # A server may look at the cancel before it takes the goal: then the acceptance has it sent again.

@@ -107,12 +107,15 @@ class Slices:
         return not self._waiting
 
     def finish(self) -> None:
-        """Make all waiting calls now, because there will be no other turn.
-
-        A call that raises ends this: the calls behind it still wait, so `finish` must be called again.
-        """
+        """Make all waiting calls now: there will be no other turn. Raises what the first of them raises."""
+        first: Exception | None = None
         while (act := self._take()) is not None:
-            act()
+            try:
+                act()
+            except Exception as problem:
+                first = first or problem
+        if first is not None:
+            raise first
 
     def _next_turn(self) -> None:
         self._room, self._posted = SLICE, False

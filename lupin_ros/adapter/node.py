@@ -67,6 +67,7 @@ from lupin_ros.adapter.actions import (
     ActionCaller,
     ActionHost,
     Goal,
+    GoalCallbacks,
     ServedGoal,
 )
 from lupin_ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
@@ -94,6 +95,7 @@ __all__ = [
     "ActionHost",
     "CallFailure",
     "Goal",
+    "GoalCallbacks",
     "Qos",
     "RosNode",
     "RosTimer",

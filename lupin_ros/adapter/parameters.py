@@ -2,6 +2,7 @@
 
 ROS knows bool, integer, double, string and flat lists of them. A record of numbers (a pose) travels as the
 list of its fields in their order, metres and radians; an empty list stands for a record that is not given.
+Any other record, and records in a list, travel as a text of JSON, numbers in base units or with their unit.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from lupin_engine.errors import LupinError, PluginError, nearest
-from lupin_engine.plugin import MAX_INTEGER, Parameter, Type, carried_as, named, narrowed, sorted_out
+from lupin_engine.errors import LupinError, PluginError, nearest, shortened
+from lupin_engine.plugin import MAX_INTEGER, Parameter, Type, carried_as, is_json, named, narrowed, sorted_out
 
 if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
@@ -74,16 +75,28 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
 
 
 def _unit(kind: Type) -> str:
-    """Return the unit of a number; of a record, which is sent as a list, each field's."""
+    """Return the unit of a number; of a record, which is sent as a list, each field's; of JSON its form."""
+    if is_json(kind):
+        return f"JSON: {_form(kind)}"
     fields = (f"{name} {field.unit}".rstrip() for name, field in kind.fields.items())
     return ", ".join(fields) if kind.kind == "record" else kind.unit
+
+
+def _form(kind: Type) -> str:
+    """Return how a value of a type is written as JSON, with types or units for values."""
+    if kind.item is not None:
+        return f"[{_form(kind.item)}, ...]"
+    if kind.kind == "record":
+        return "{" + ", ".join(f"{name}: {_form(field)}" for name, field in kind.fields.items()) + "}"
+    return kind.unit or kind.name
 
 
 def read(name: str, spec: Parameter, value: Any) -> Any:
     """Return a value from ROS as plain checked data in base units.
 
     Integers are taken for numbers, `60 s` in text for a number with that unit, a list of three numbers for
-    a pose. None and an empty list mean "not given" where the default is None; else None is an empty list.
+    a pose, JSON for other records. None and an empty list mean "not given" where the default is None; else
+    None is an empty list.
 
     Raises:
         ValueError: wrong type or out of range; the text names parameter, value and allowed values.
@@ -105,9 +118,11 @@ def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
         PluginError: no ROS parameter can have this type.
     """
     kind = ros_type(name, spec.type)
-    if isinstance(value, Mapping):
+    if value is not None and is_json(spec.type):
+        value = json.dumps(value, ensure_ascii=False)
+    elif isinstance(value, Mapping):
         value = [float(value[field]) for field in spec.type.fields]
-    elif value is None and spec.type.kind in ("record", "list"):
+    elif value is None and spec.type.kind in ("record", "list") and not is_json(spec.type):
         value = []
     if value is None:
         return RosParameter(name, RosParameter.Type.NOT_SET, None)
@@ -133,6 +148,11 @@ def _is_nothing(spec: Parameter, value: Any) -> bool:
 
 
 def _unpacked(kind: Type, value: Any) -> Any:
+    if is_json(kind) and isinstance(value, str):
+        try:
+            return json.loads(value)
+        except (ValueError, RecursionError):
+            return shortened(value)  # refused as a text
     if kind.kind == "list":
         return [] if value is None else _plain(value)
     if kind.kind == "record" and not isinstance(value, Mapping):
@@ -148,6 +168,8 @@ def _plain(value: Any) -> Any:
 
 
 def _hint(kind: Type, value: Any) -> str:
+    if is_json(kind):
+        return f"; give it as JSON: {_form(kind)}"
     if kind.kind == "record":
         return f"; give it as [{', '.join(kind.fields)}]"
     wants_text = kind.kind == "text" or (kind.item is not None and kind.item.kind == "text")

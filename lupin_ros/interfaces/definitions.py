@@ -200,14 +200,16 @@ def interface_class(name: str) -> Any:
 def fill(message: Any, data: Any, kind: Type) -> Any:
     """Write plain data into a message of a type; fields that are not named keep their values.
 
-    Seconds fill a time, a `pose` of the language fills the pose of a message.
+    A record may have more fields than the message. Seconds fill a time, a `pose` of the language fills the
+    pose of a message.
 
     Raises:
         ValueError: a value does not fit its field, such as a number that is too large; rclpy's messages do
             not check that, and would send garbage.
     """
-    for name, value in _fields_of(data, kind).items():
-        wanted = kind.fields[name]
+    given = _fields_of(data, kind)
+    for name in filter(kind.fields.__contains__, given):
+        wanted, value = kind.fields[name], given[name]
         try:
             if wanted.kind == "record":
                 fill(getattr(message, name), value, wanted)

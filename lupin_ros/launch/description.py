@@ -178,7 +178,16 @@ def parameter_file(node: str, values: ParameterValues) -> str:
 
 
 def _ros_value(value: Any) -> str:
-    """Write a value so that ROS' own reader of YAML takes it for the same: JSON is YAML, and quotes texts."""
-    if isinstance(value, Mapping):  # a pose travels as the list of its fields
+    """Write a value so that ROS' own reader of YAML takes it for the same: JSON is YAML, and quotes texts.
+
+    A record of numbers, such as a pose, travels as the list of its fields, other records as a text of JSON.
+    """
+    if isinstance(value, Mapping) and all(isinstance(each, float) for each in value.values()):
         value = list(value.values())
+    elif _has_records(value):
+        value = json.dumps(value, ensure_ascii=False)
     return json.dumps(value, ensure_ascii=False)
+
+
+def _has_records(value: Any) -> bool:
+    return isinstance(value, Mapping) or (isinstance(value, list) and any(map(_has_records, value)))

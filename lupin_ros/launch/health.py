@@ -11,16 +11,28 @@ import platform
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from lupin_engine import __version__
+from lupin_engine.chart import STRICTER, Findings, read
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.missions import check_chart, lifecycle_in, mission_files, mission_folders
+from lupin_engine.missions import (
+    check_chart,
+    default_missions_folder,
+    folders,
+    lifecycle_called,
+    lifecycle_in,
+    mission_files,
+    mission_folders,
+    origin_of,
+    shipped_lifecycles,
+)
 from lupin_engine.plugin import (
     DOMAIN,
     domain_advice,
@@ -30,6 +42,7 @@ from lupin_engine.plugin import (
     ros_domain,
     verified_plugin,
 )
+from lupin_engine.sim import SUFFIX, Missions, load_scenario
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.interfaces.type_hashes import local_hash
@@ -54,6 +67,12 @@ RIHS = "RIHS01_"
 
 #: Extras of the distribution that a command needs, each with that command.
 _EXTRAS = {"hmi": "`--hmi`", "record": "`lupin record`"}
+
+
+#: What to do about a lifecycle that is carried.
+_CARRIED = "it counts before the shipped one, and ages: remove it, unless it shall stay as it is"
+#: What to do about a copy of a lifecycle.
+_EXTEND = "write `extends: NAME` and only what differs: `lupin new NAME` in an empty folder shows how"
 
 
 @dataclass(frozen=True)
@@ -141,7 +160,10 @@ def look_at_interfaces() -> Iterator[Finding]:
         try:
             found = local_hash(name).removeprefix(RIHS)
         except LupinError as problem:
-            advice = "build the interfaces: `make run` does it, or `colcon build` with a sourced ROS 2"
+            advice = (
+                "build the interfaces: `make run` does it; or, in a checkout, `pip install ./*_msgs "
+                "./interfaces/*_msgs`, or `colcon build` with a sourced ROS 2"
+            )
             yield Finding(name, str(problem).partition(":")[0], "problem", advice)
             continue
         if found == expected:
@@ -293,6 +315,38 @@ def _is_installed(distribution: str) -> bool:
     return any(True for _ in metadata.distributions(name=distribution))
 
 
+def look_at_lifecycle() -> Iterator[Finding]:
+    """Check whether the lifecycle of the nearest folder is the shipped one, or a copy that has aged."""
+    try:
+        own, shipped = lifecycle_in(mission_folders()[0]), shipped_lifecycles()
+    except LupinError:
+        return  # the missions tell
+    named = read(own, Findings())
+    if named is None or own in shipped.values():
+        return
+    name, extends, origin = (named.get(key) for key in ("lifecycle", "extends", "origin"))
+    base = lifecycle_called(extends, own.parent) if isinstance(extends, str) else None
+    origin = origin if isinstance(origin, dict) else {}
+    copied = str(origin.get("lifecycle"))
+    if base is not None and base not in shipped.values():
+        yield Finding("lifecycle", f"{own} extends {base}", "note", _CARRIED)
+    elif base is not None:
+        yield Finding("lifecycle", f"{own} extends {extends}, which engine {__version__} ships")
+    elif copied in shipped:
+        yield _copied(own, origin, origin_of(shipped[copied]))
+    elif str(name) in shipped and not folders.is_shipped(own):
+        found = f"{own} differs from the {name} that engine {__version__} ships"
+        yield Finding("lifecycle", found, "note", f"{_EXTEND}, or give it a name of its own")
+
+
+def _copied(own: Path, origin: Mapping[str, Any], now: Mapping[str, str]) -> Finding:
+    """Return the finding of a copy of a lifecycle: whether the shipped one is the same today."""
+    found = f"{own} is a copy of {origin['lifecycle']} of engine {origin.get('version')}"
+    if origin.get("sha256") == now["sha256"]:
+        return Finding("lifecycle", f"{found}, which has not changed since")
+    return Finding("lifecycle", f"{found}, which has changed since", "note", _EXTEND)
+
+
 def look_at_missions() -> Iterator[Finding]:
     """Check the missions of the nearest folder; a finding for each."""
     try:
@@ -311,6 +365,26 @@ def look_at_missions() -> Iterator[Finding]:
             yield Finding(f"mission {file.stem}", f"no errors, in {folder}")
 
 
+def look_at_old_words() -> Iterator[Finding]:
+    """Count what the project here says that a later engine will refuse."""
+    catalog = load_catalog()
+    missions = Missions(catalog)
+    folder = mission_folders()[0]
+    if folder.resolve() == default_missions_folder().resolve():
+        return
+    dated = [one.stricter for one in check_chart(lifecycle_in(folder), mission_files(folder), catalog)[1]]
+    for file in sorted((folder.absolute().parent / "scenarios").rglob(f"*{SUFFIX}")):
+        with suppress(LupinError):
+            dated += [one.stricter for one in load_scenario(file, catalog, missions).warnings]
+    rows = [STRICTER[name] for name in dated if name]
+    if not rows:
+        yield Finding("old words", "none")
+        return
+    first = min(row.refused for row in rows)
+    advice = "`lupin upgrade` shows what to change, and writes it with `--write`"
+    yield Finding("old words", f"{len(rows)}, refused by versions from {first} on", "note", advice)
+
+
 def _version(distribution: str) -> str:
     try:
         return metadata.version(distribution)
@@ -326,5 +400,7 @@ LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
     look_at_left_overs,
     look_at_plugins,
     look_at_extras,
+    look_at_lifecycle,
     look_at_missions,
+    look_at_old_words,
 )

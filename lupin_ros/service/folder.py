@@ -21,6 +21,7 @@ from lupin_engine.errors import ChartError, LupinError
 from lupin_engine.machine import dispatch_table
 from lupin_engine.missions import (
     BUNDLE,
+    EXTENDED,
     PARTS,
     Bundle,
     LoadedMissions,
@@ -219,7 +220,7 @@ def _marks(folders: Iterable[Path]) -> _Marks:
     """Return change time and size of every file in folders of missions."""
     found: dict[Path, tuple[int, int]] = {}
     for folder in folders:
-        inside = (folder.glob(pattern) for pattern in ("*.yaml", f"{PARTS}/*.yaml", f"{BINDINGS}/*.yaml"))
+        inside = (folder.glob(f"{name}*.yaml") for name in ("", f"{PARTS}/", f"{BINDINGS}/", f"{EXTENDED}/"))
         for file in (*itertools.chain(*inside), lupin_file(folder)):
             try:
                 about = file.stat()

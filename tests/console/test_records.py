@@ -33,7 +33,17 @@ CONSOLE = Path(__file__).parents[2] / "console"
 #: What the shipped missions do not tell: a question, an action, fields with bounds, a broken invariant.
 ASKING = """\
 mission: Asking
+types:
+  ward:
+    id: text
+    door: {type: length, min: 50 cm, max: 2 m}
+    since: date
+    beds: {type: set of count, max: 9}
+    at: pose
 request:
+  to:
+    type: list of ward
+    default: [{id: icu, door: 1 m, since: "2026-01-01", beds: [1], at: {x: 1 m, y: 0 m, yaw: 0 deg}}]
   tags: {type: list of tag, default: [], max: 50, distinct: true}
   at: {type: time_of_day, default: "06:30", summary: when to begin}
   rest: {type: number, unit: min, min: 0 s, default: 1 min}
@@ -47,12 +57,12 @@ states:
     on:
       answer.again: WAITING
       answer.enough: WAITING
-      operator.skip_current: {target: done, guard: len(request.tags) > 0}
+      operator.skip_current: {target: done, guard: len(request.tags) + len(request.to) > 1}
   WAITING: {entry: [{arm.preset: {name: home}}], after: {1 min: done}}
   done: {type: final}
 """
 #: What only types of other plugins have: fields of requests with allowed values, or a largest one.
-NEVER_MET = {("FieldRecord", "allowed"), ("FieldRecord", "maximum")}
+NEVER_MET = {("FieldRecord", "allowed"), ("FieldRecord", "maximum"), ("TypeRecord", "allowed")}
 KINDS = {
     names.STEPS_TOPIC: "StepRecord",
     names.POSSIBLE_TOPIC: "PublishedPossible",

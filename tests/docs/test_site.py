@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -116,3 +117,11 @@ def test_links_into_the_repository_are_text(site: Path) -> None:
     page = (site / "war-stories.html").read_text(encoding="utf-8")
     assert "<code>A01_resume_after_dock</code>" in page
     assert 'href="../tests' not in page
+
+
+def test_the_cheat_sheet_is_one_sheet(site: Path) -> None:
+    """Printed while the site is built, where a browser is there."""
+    if not any(map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))):
+        pytest.skip("no Chromium is installed here")
+    printed = (site / "cheat-sheet.pdf").read_bytes()
+    assert len(re.findall(rb"/Type ?/Page\b", printed)) == 1

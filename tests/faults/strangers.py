@@ -11,7 +11,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import GoalCallbacks, Qos, RosNode
 
 #: Seconds between two stops of today's HMI, and between two charges of a battery.
 STOP_PERIOD_S, BATTERY_PERIOD_S = 0.5, 1.0
@@ -64,8 +64,7 @@ class Strangers:
         goal.pose.pose.position.x, goal.pose.pose.position.y = PLACES[self._goals % len(PLACES)]
         goal.pose.pose.orientation.w = 1.0
         self._goals += 1
-        nothing = lambda *_: None  # noqa: E731
-        self._navigation.send(goal, accepted=nothing, feedback=nothing, ended=nothing, rejected=nothing)
+        self._navigation.send(goal, GoalCallbacks())
 
     def set_fault(self, fault: str) -> None:
         """Set what goes wrong with the simulated robot; one that is not there is asked again by nobody."""

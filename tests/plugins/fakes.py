@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lupin_engine.plugin.contract import Plugin
+
+if TYPE_CHECKING:
+    from lupin_ros.adapter.actions import GoalCallbacks
 
 
 def defaults(plugin: Plugin, **changed: Any) -> dict[str, Any]:
@@ -65,6 +68,7 @@ class FakeGoal:
     feedback: Callable[[Any], None]
     ended: Callable[[int, Any], None]
     rejected: Callable[[], None]
+    refused: Callable[[], None]
     key: str = ""
     cancels: int = 0
 
@@ -82,8 +86,8 @@ class FakeAction:
     def ready(self) -> bool:
         return self.up
 
-    def send(self, request: Any, **callbacks: Callable[..., None]) -> FakeGoal:
-        self.goals.append(FakeGoal(request, **callbacks))
+    def send(self, request: Any, callbacks: GoalCallbacks, key: str = "") -> FakeGoal:
+        self.goals.append(FakeGoal(request, **vars(callbacks), key=key))
         return self.goals[-1]
 
 

@@ -127,7 +127,8 @@ class CheckedOptions:
     def _declared(self) -> Mapping[str, Mapping[str, Parameter]]:
         """The parameters of every node but the orchestrator, whose are those of the missions.
 
-        Nodes that serve pages are left out unless they are asked for: importing them takes long.
+        Nodes that serve pages are left out unless they are asked for: importing them takes long. Nodes that
+        cannot be loaded, such as those whose messages are missing, are left to `_check_nodes`.
         """
         return self._parameters_of(self._wants)
 
@@ -146,9 +147,7 @@ class CheckedOptions:
             try:
                 found[name] = node.parameters()
             except PluginError as problem:
-                if not self._catalog.plugins[node.plugin].hmi:
-                    raise
-                if self._wants(node):
+                if self._catalog.plugins[node.plugin].hmi and self._wants(node):
                     raise UsageError(f"{problem}; pages need `pip install 'lupin-engine[hmi]'`") from problem
         return found
 
@@ -195,7 +194,7 @@ class CheckedOptions:
 
     def _of_simulators(self) -> dict[str, ParameterValues]:
         """Return the parameters that `--sim` and `--speed` set, for each simulation that has them."""
-        declared = {name: self._declared[name] for name in simulators(self._catalog)}
+        declared = {name: self._declared.get(name, {}) for name in simulators(self._catalog)}
         together = {name: spec for known in declared.values() for name, spec in known.items()}
         given = {**_faster(self._wanted.speed, together), **self._read("--sim", self._wanted.sim, together)}
         return {
@@ -215,6 +214,8 @@ class CheckedOptions:
                 hints = " ".join(f"--set {setting!r}" for setting in given if setting not in own)
                 if hints:
                     self.problems.add(f"--set: parameters of the mission go without a node: write {hints}")
+            elif name in nodes_of(self._catalog):
+                nodes_of(self._catalog)[name].load()  # which says why it cannot be loaded
             else:
                 self.problems.add(f"--set: unknown node {name!r}; {nearest(name, nodes_of(self._catalog))}")
         return found
@@ -244,9 +245,11 @@ class CheckedOptions:
                 self.problems.add(f"{option} is for {name}, which {self._why_not(name)}")
         for launch in alone.launches:
             known = self._declared.get(launch.node.name, {})
-            if launch.parameters and known:
-                defaults = {name: spec.default for name, spec in known.items()}
-                with self.problems.collecting():
+            with self.problems.collecting():
+                if launch.node.name not in (ORCHESTRATOR, *self._declared):
+                    launch.node.load()  # which says why it cannot be loaded
+                if launch.parameters and known:
+                    defaults = {name: spec.default for name, spec in known.items()}
                     launch.node.check({**defaults, **launch.parameters})
 
     def _why_not(self, name: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from lupin_engine.plugin import TEXT, Notation, Parameter, Type, named, sorted_out
+from lupin_engine.plugin import TEXT, Notation, Parameter, Type, innermost, named, sorted_out
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
@@ -83,7 +83,7 @@ def read_value(text: str, kind: Type) -> Any:
             return text
         case "integer" | "number":
             return _as_number(text)
-        case "list":
+        case "list" if innermost(kind).kind != "record":
             return _as_list(text, kind)
     return _as_yaml(text, kind)
 
@@ -106,11 +106,14 @@ def _as_list(text: str, kind: Type) -> Any:
 
 
 def _as_yaml(text: str, kind: Type) -> Any:
-    """Read a record: `{x: 1 m, y: 2 m, yaw: 90 deg}`, or its fields in order as `[1 m, 2 m, 90 deg]`."""
+    """Read a record: `{x: 1 m, y: 2 m, yaw: 90 deg}`, or its fields in order as `[1 m, 2 m, 90 deg]`.
+
+    Records in a list are read likewise, without the short form.
+    """
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         return text
-    if isinstance(value, list) and len(value) == len(kind.fields):
+    if kind.fields and isinstance(value, list) and len(value) == len(kind.fields):
         return dict(zip(kind.fields, value, strict=True))
     return value

@@ -6,6 +6,7 @@ that it replaces, so that a dotted name is one word in every editor.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,15 +31,17 @@ from lupin_engine.chart import (
     level_events,
     named_in,
 )
-from lupin_engine.missions import PARTS
-from lupin_engine.plugin import UNITS, Argument, Catalog
+from lupin_engine.missions import PARTS, shipped_lifecycles
+from lupin_engine.plugin import ANY, UNITS, Argument, Catalog, Type, parse_type
 from lupin_lsp import docs
 from lupin_lsp.folder import Folder
 from lupin_lsp.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_lsp.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
-from lupin_lsp.model import Model, descend, states_of, type_of, with_elements
+from lupin_lsp.model import Model, descend, kind_of, states_of, type_of, with_elements
 from lupin_lsp.scan import Cursor, Scan, Steps, TokenRole
 
+#: An element of a list by its number, perhaps a field of it, before the dot of what is typed.
+_INDEXED = re.compile(r"([A-Za-z_][\w.]*(?:\[\w+\](?:\.[A-Za-z_]\w*)*)+)\.\w*$")
 _OPERATORS = ("and", "or", "not", "in", "if", "else", "for", "true", "false")
 
 
@@ -112,31 +115,60 @@ class _Completion:
             expression = self._expression(Meaning.VALUE)
             if expression is not None:
                 return expression
-            return _offers(cursor, self._keys(spot, mapping) if spot else ())
+            keys = self._keys(spot, mapping) if spot else ()
+            return _offers(cursor, [*keys, *self._record_keys(mapping)])
         spot = spot_at(self._root, cursor.path)
         if spot is None:
-            return _offers(cursor, ())
+            is_open = cursor.role is TokenRole.OPEN
+            return _offers(cursor, self._record_keys(cursor.path) if is_open else ())
         meaning = value_meaning(self._scan, spot)
         expression = self._expression(meaning)
         if expression is not None:
             return expression
         found = list(self._values(spot, meaning))
         if cursor.role is TokenRole.OPEN:
-            found = [*self._keys(spot, cursor.path), *found]
+            found = [*self._keys(spot, cursor.path), *self._record_keys(cursor.path), *found]
         return _offers(cursor, found)
 
     # -- keys ----------------------------------------------------------------------------------------------
 
+    def _record_keys(self, mapping: Steps) -> Iterator[Offer]:
+        """Offer the fields of the record at a path of a declaration's default, without present ones."""
+        if mapping[2:3] != ("default",):
+            return
+        try:
+            kind = parse_type(self._scan.value(*mapping[:2], "type") or "", self._known_types())
+        except ValueError:
+            return
+        for step in mapping[3:]:
+            inner = kind.item if isinstance(step, int) else kind.fields.get(step)
+            kind = inner or ANY
+        yield from self._absent(
+            mapping, (Offer(name, ItemKind.Property, docs.type_text(of)) for name, of in kind.fields.items())
+        )
+
     def _keys(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
         """Offer the keys of the mapping at a path, without present ones."""
+        return self._absent(mapping, (*self._all_keys(spot), *self._inherited(spot, mapping)))
+
+    def _absent(self, mapping: Steps, offers: Iterable[Offer]) -> Iterator[Offer]:
         token = self._cursor.token
         there = {key.text for key in self._scan.keys(mapping) if key is not token}
         colon = (
             "" if token is not None and token.role is TokenRole.KEY and self._has_colon(token.end) else ": "
         )
-        for offer in self._all_keys(spot):
+        for offer in offers:
             if offer.label not in there:
                 yield replace(offer, insert=f"{offer.insert or offer.label}{colon}")
+
+    def _inherited(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
+        """Offer the names that the extended lifecycle declares here, in the one that extends it."""
+        base = self._folder.base if spot.declares and self._path == self._folder.lifecycle else None
+        if base is None:
+            return
+        scan, origin = self._folder.scan(base), self._folder.scan(self._path).value("extends") or ""
+        for key in scan.keys(mapping):
+            yield Offer(key.text, ItemKind.Property, origin, scan.value(*key.path, "summary") or "")
 
     def _has_colon(self, end: int) -> bool:
         return self._scan.text[end:].lstrip(" \t").startswith(":")
@@ -192,6 +224,7 @@ class _Completion:
             Meaning.STATE: partial(self._states, spot),
             Meaning.CHILD: self._children,
             Meaning.PART: partial(self._parts, spot),
+            Meaning.LIFECYCLE: self._lifecycles,
             Meaning.OPERATION: self._operations,
             Meaning.ACTION: self._plain_actions,
             Meaning.EVENT: self._events,
@@ -254,10 +287,15 @@ class _Completion:
 
     def _state(self, label: str, name: str) -> Offer:
         assert self._model is not None
-        state = self._model.composed.chart.states[name]
-        file = Path(state.place.file).name
+        chart = self._model.composed.chart
+        state, file = chart.states[name], chart.file_of(chart.states[name].place)
         detail = f"{name} ({file}:{state.place.line})"
         return Offer(label, ItemKind.EnumMember, detail, docs.state(name, state, file))
+
+    def _lifecycles(self) -> Iterator[Offer]:
+        for name, file in shipped_lifecycles().items():
+            summary = self._folder.scan(file).value("summary") or ""
+            yield Offer(name, ItemKind.File, summary, summary)
 
     def _parts(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is PartNode:
@@ -329,8 +367,12 @@ class _Completion:
             for name, hold in self._model.composed.declared.holds.items():
                 yield Offer(name, ItemKind.Constant, f"engaged by {hold.engage}", docs.hold(hold))
 
+    def _known_types(self) -> Mapping[str, Type]:
+        records = self._model.composed.declared.records if self._model is not None else {}
+        return {**self._catalog.for_missions.known_types, **records}
+
     def _types(self) -> Iterator[Offer]:
-        known = self._catalog.for_missions.known_types
+        known = self._known_types()
         for name, kind in known.items():
             yield Offer(name, ItemKind.TypeParameter, docs.type_text(kind))
         for gathered in ("list", "set"):
@@ -366,6 +408,10 @@ class _Completion:
             return self._named(call, here.start if here and here.text not in "(" else self._offset)
         if here is not None and here.text[0] in "'\"":
             return self._quoted(here, before)
+        indexed = _INDEXED.search(expression[: self._offset - start])
+        if indexed is not None:
+            begin, end = start + indexed.start(), max(self._offset, here.end if here is not None else 0)
+            return Offers(begin, end, tuple(self._fields(indexed[1])))
         word = here.text[: self._offset - here.start] if here and (here.text[0].isalpha()) else ""
         if not word and self._scan.text[self._offset - 1] == ".":
             word = (before[-2].text if len(before) > 1 else "") + "."
@@ -407,7 +453,7 @@ class _Completion:
     def _fields(self, owner: str) -> Iterator[Offer]:
         """Offer the fields of a record by their whole names: editors disagree about words."""
         scope = self._scope()
-        kind = type_of(scope, owner.split("."))
+        kind = kind_of(scope, owner) if "[" in owner else type_of(scope, owner.split("."))
         fields = dict(kind.fields) if kind else {}
         nearest = self._nearest_parameters() if owner == "param" else []
         for name in sorted(fields, key=lambda name: nearest.index(name) if name in nearest else len(nearest)):
@@ -421,7 +467,7 @@ class _Completion:
 
     def _nearest_parameters(self) -> list[str]:
         """Return the parameters of this file and of the lifecycle, in that order."""
-        files = [self._path, self._folder.lifecycle]
+        files = [self._path, self._folder.lifecycle, *([self._folder.base] if self._folder.base else [])]
         return [key.text for file in files for key in self._folder.scan(file).keys(("params",))]
 
     def _field_doc(self, owner: str, name: str) -> str:

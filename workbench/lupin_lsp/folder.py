@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING
 from lupin_engine.bindings import BINDINGS, LUPIN_FILE, BindingNode, binding_files
 from lupin_engine.chart import LifecycleNode, MissionNode, Node, PartNode
 from lupin_engine.errors import Diagnostic
-from lupin_engine.missions import LIFECYCLE, PARTS, Inspection, inspect_chart, mission_files
+from lupin_engine.missions import (
+    LIFECYCLE,
+    PARTS,
+    Inspection,
+    inspect_chart,
+    lifecycle_called,
+    mission_files,
+)
 from lupin_engine.plugin import Catalog
 from lupin_engine.sim import SUFFIX
 from lupin_lsp.grammar import kind_of
@@ -47,6 +54,12 @@ class Folder:
     def lifecycle(self) -> Path:
         """The file around the missions."""
         return self.path / LIFECYCLE
+
+    @property
+    def base(self) -> Path | None:
+        """The lifecycle that the one around the missions extends; None where it extends none."""
+        name = self.scan(self.lifecycle).value("extends")
+        return lifecycle_called(name, self.path) if name else None
 
     # -- texts ---------------------------------------------------------------------------------------------
 
@@ -116,10 +129,11 @@ class Folder:
         return part if part in self._open or part.is_file() else self.path / f"{name}.yaml"
 
     def files(self) -> list[Path]:
-        """Return all files: lifecycle, missions, parts, bindings."""
+        """Return all files: lifecycle and what that extends, missions, parts, bindings."""
         parts = {*(self.path / PARTS).glob("*.yaml"), *(p for p in self._open if p.parent.name == PARTS)}
         bindings = {*binding_files(self.path), *(p for p in self._open if p.parent.name == BINDINGS)}
-        return [self.lifecycle, *self.missions(), *sorted(parts), *sorted(bindings)]
+        base = [] if self.base is None else [self.base]
+        return [self.lifecycle, *base, *self.missions(), *sorted(parts), *sorted(bindings)]
 
     # -- checking ------------------------------------------------------------------------------------------
 

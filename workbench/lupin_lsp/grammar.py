@@ -25,6 +25,7 @@ from lupin_engine.chart import (
     Named,
     Node,
     RaiseNode,
+    RecordFieldNode,
     StateNode,
     TransitionNode,
 )
@@ -34,7 +35,12 @@ from lupin_lsp.scan import Scan, Steps
 FILES: Mapping[str, type[Node]] = {**KINDS, binding_file.KIND: BindingNode}
 
 #: What one scalar stands for where a mapping could be written.
-SHORT: Mapping[type[Node], str] = {TransitionNode: "target", ActionNode: "name", InvariantNode: "that"}
+SHORT: Mapping[type[Node], str] = {
+    TransitionNode: "target",
+    ActionNode: "name",
+    InvariantNode: "that",
+    RecordFieldNode: "type",
+}
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,8 @@ class Spot:
             return Meaning.ACTION
         if self.shape.names is None:
             return None
+        if self.name and self.key == "types":
+            return Meaning.ATTRIBUTE
         if self.key in ("with", "arguments") and self.holder is not RaiseNode:
             return Meaning.BINDING if self.holder is StateNode else Meaning.ARGUMENT
         found = self._keys

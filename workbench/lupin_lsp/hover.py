@@ -37,7 +37,7 @@ def hover(folder: Folder, path: Path, offset: int) -> Hover | None:
 
 def _text(folder: Folder, path: Path, root: type[Node], mention: Mention) -> str:
     meaning, model = meant(mention), folder.model
-    if meaning in (Meaning.KEY, Meaning.WORD, Meaning.FILE):
+    if meaning in (Meaning.KEY, Meaning.WORD, Meaning.FILE, Meaning.LIFECYCLE):
         return _word(root, mention)
     if meaning in STATES:
         return _state(model, path, mention) if model else ""
@@ -63,7 +63,7 @@ def _state(model: Model, path: Path, mention: Mention) -> str:
     texts = []
     for name, draft in found.items():
         state = model.composed.chart.states[name]
-        texts.append(docs.state(name or "(root)", state, Path(draft.place.file).name))
+        texts.append(docs.state(name or "(root)", state, model.composed.chart.file_of(draft.place)))
     return "\n\n---\n\n".join(texts)
 
 
@@ -121,6 +121,8 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
     match meaning:
         case Meaning.PARAMETER | Meaning.BINDING:
             return _parameter(folder, model, path, mention)
+        case Meaning.TYPE if name in declared.records:
+            return docs.code(f"type {docs.type_text(declared.records[name])}")
         case Meaning.CODE if name in model.composed.chart.codes:
             return docs.reason(model.composed.chart.codes[name])
         case Meaning.EVENT if name in model.composed.chart.answers:

@@ -68,7 +68,9 @@ class Model:
         else:
             local = (*self._written[parent.name][1], draft.local)
         self._written[draft.name] = (file, local)
-        self._drafts.setdefault((file, local), []).append(draft)
+        files = self.composed.chart.lifecycle_files
+        for each in files if draft.file.place.file in files else (file,):
+            self._drafts.setdefault((Path(each), local), []).append(draft)
         if draft.part is not None:
             self._drafts.setdefault((Path(draft.part.place.file), ()), []).append(draft)
 
@@ -233,11 +235,17 @@ def with_elements(scope: Scope, expression: str) -> Scope:
     named.update((ELEMENT, source) for source in _OF_ELEMENT.findall(expression))
     found: dict[str, Type] = {}
     for name, source in named.items():
-        fragment = Fragment(source, text_at(source, Place("", 1, 1)))
-        typed = check_expression(fragment, scope, ANY, Findings(), "")
-        if typed is not None and typed.type.item is not None:
-            found[name] = typed.type.item
+        kind = kind_of(scope, source)
+        if kind is not None and kind.item is not None:
+            found[name] = kind.item
     return scope.with_names(found) if found else scope
+
+
+def kind_of(scope: Scope, source: str) -> Type | None:
+    """Return the type of an expression; None where it has a mistake."""
+    fragment = Fragment(source, text_at(source, Place("", 1, 1)))
+    typed = check_expression(fragment, scope, ANY, Findings(), "")
+    return None if typed is None else typed.type
 
 
 def type_of(scope: Scope, words: Iterable[str]) -> Type | None:

@@ -16,7 +16,7 @@ from lupin_lsp.scan import Scan, Steps, Token
 #: Mentions of these say nothing about any one thing.
 _NAMELESS = (Meaning.KEY, Meaning.WORD, Meaning.TEXT, Meaning.UNIT, Meaning.ROOT, Meaning.ATTRIBUTE)
 #: What else a section holds besides states, in the outline.
-_SECTIONS = ("params", "inputs", "codes", "holds", "context", "invariants", "properties", "request")
+_SECTIONS = ("types", "params", "inputs", "codes", "holds", "context", "invariants", "properties", "request")
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ _SECTIONS: Mapping[Meaning, str] = {
     Meaning.FIELD: "request",
     Meaning.INVARIANT: "invariants",
     Meaning.PROPERTY: "properties",
+    Meaning.TYPE: "types",
 }
 #: The class of such a thing in a plugin's catalog, and its family among the owners of the registry.
 _MADE_BY: Mapping[Meaning, tuple[str, str]] = {
@@ -57,6 +58,9 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
         return _states(folder, path, mention)
     if meaning is Meaning.PART:
         return _part(folder, mention.name)
+    if meaning is Meaning.LIFECYCLE:
+        base = folder.base
+        return [] if base is None else _spanned(base, folder.scan(base).value_token(("lifecycle",)))
     if meaning is Meaning.LEVEL:
         return _declared(folder, path, ("inputs", mention.of, "levels", mention.name))
     if meaning is Meaning.BINDING:
@@ -69,7 +73,7 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
         return _key(folder, path, ("out", mention.name))
     if meaning in _SECTIONS:
         found = _declared(folder, path, (_SECTIONS[meaning], mention.name))
-        if found or meaning not in (Meaning.PARAMETER, Meaning.CODE):
+        if found or meaning not in (Meaning.PARAMETER, Meaning.CODE, Meaning.TYPE):
             return found
     return _in_plugin(folder, meaning, mention)
 
@@ -94,6 +98,9 @@ def place_of(folder: Folder, draft: Draft) -> Spanned | None:
     if folder.model is None:
         return None
     file, local = folder.model.written(draft)
+    if file == folder.lifecycle and folder.base is not None and local:
+        steps = steps_of(local if draft.node is not None else local[:-1])
+        file = file if folder.scan(file).key_token(steps) else folder.base
     scan = folder.scan(file)
     if draft.node is None and draft.kind is not Kind.HISTORY:
         head = next((key for key in scan.keys(()) if key.text in ("mission", "lifecycle")), None)
@@ -148,6 +155,7 @@ def _in_binding(folder: Folder, meaning: Meaning, mention: Mention) -> list[Span
         Meaning.CODE: (("codes", mention.name),),
         Meaning.LIVE_VALUE: (("values", mention.name),),
         Meaning.PARAMETER: (("params", mention.name),),
+        Meaning.TYPE: (("types", mention.name),),
     }
     files = [f for f in binding_files(folder.path) if meaning in of_any or f.stem == plugin]
     steps = of_it.get(meaning, ()) + of_any.get(meaning, ())

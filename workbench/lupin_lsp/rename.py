@@ -59,6 +59,8 @@ def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, lis
         if draft.parent is not None and name in draft.parent.children:
             raise Refused(f"there is a state {draft.parent.children[name].name!r} already")
     found = references(folder, path, mention)
+    if any(each.file == folder.base for each in found):
+        raise Refused(f"{mention.name!r} is a state of the lifecycle that this one extends")
     _refuse_shared(folder, found, identity(folder, path, mention))
     edits: dict[Path, list[Edit]] = {}
     for each in found:

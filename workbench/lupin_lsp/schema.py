@@ -33,9 +33,13 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
     {
         "TransitionNode": {"type": "string", "description": "state to go to"},
         "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
+        "RecordFieldNode": {"type": "string", "description": "type"},
     }
 )
 
+
+#: What a lifecycle that extends another one writes as a whole.
+_REPLACED = frozenset({"TransitionNode", "HoldNode", "OriginNode", "RaiseNode", "IfNode"})
 
 #: Actions with models of their own.
 _STRUCTURED: Mapping[str, type[BaseModel]] = MappingProxyType({"raise": RaiseNode, "if": IfNode})
@@ -85,7 +89,27 @@ def schema(
         name: _with_short_form(name, definition, forms) for name, definition in definitions.items()
     }
     made["title"] = f"Lupin {kind}"
-    return {"$schema": DIALECT, **made, "definitions": dict(sorted(definitions.items()))}
+    whole = {"$schema": DIALECT, **made, "definitions": dict(sorted(definitions.items()))}
+    return _without_required(whole) if "extends" in made["properties"] else whole
+
+
+def _without_required(whole: Schema) -> Schema:
+    """Return the schema of a lifecycle, which may extend another: then a record has only what differs."""
+    names = [name for name in whole["definitions"] if name.endswith("Node") and name not in _REPLACED]
+    text = json.dumps(whole)
+    for name in names:
+        text = text.replace(f'"#/definitions/{name}"', f'"#/definitions/Extending{name}"')
+    found: Schema = json.loads(text)
+    found["required"].remove("states")
+    found["definitions"] = {
+        f"Extending{name}" if name in names else name: definition
+        for name, definition in found["definitions"].items()
+    }
+    for name in names:
+        definition = found["definitions"][f"Extending{name}"]
+        for each in (definition, *definition.get("anyOf", ())):
+            each.pop("required", None)
+    return found
 
 
 def any_kind(schemas: Mapping[str, Schema]) -> Schema:
@@ -236,7 +260,7 @@ def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -
     if "Input" in owners:
         values = {n: docs.live_value(n, value) for n, value in catalog.values.items()}
         owners["Input"]["properties"]["value"].update(_named(values))
-    for name in ("Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
+    for name in ("RecordField", "Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
         if name in owners:
             owners[name]["properties"]["type"].update(_types(catalog))
             owners[name]["properties"]["unit"].update(_named({unit: docs.unit(unit) for unit in UNITS}))
@@ -251,8 +275,9 @@ def _types(catalog: Catalog) -> Schema:
     known = catalog.known_types
     shown = {name: docs.type_text(kind) for name, kind in known.items()}
     lists = {f"{gathered} of {name}": "" for gathered in ("list", "set") for name in known}
-    deep = {"type": "string", "pattern": "^(list|set) of (list|set) of "}
-    return {"anyOf": [_named({**shown, **lists}), deep]}
+    # Lists of lists, and record types of the files themselves.
+    others = {"type": "string", "pattern": "^((list|set) of )*[a-z][a-z0-9_]*$"}
+    return {"anyOf": [_named({**shown, **lists}), others]}
 
 
 def _add_operations(invoke: Schema, catalog: Catalog) -> None:

@@ -1,4 +1,4 @@
-"""SCXML: imports documents as missions, and exports missions as documents."""
+"""Charts by others: imports SCXML and behavior trees as missions, and exports missions as SCXML."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Parses an SCXML document to elements with their lines; refuses a DOCTYPE (entities), and documents too
+"""Parses an XML document to elements with their lines; refuses a DOCTYPE (entities), and documents too
 large."""
 
 from __future__ import annotations
@@ -94,10 +94,23 @@ def read_document(file: Path) -> bytes:
 
 
 def elements(text: bytes) -> Element:
-    """Return the root of a document. `content` has no children: they are data or another document.
+    """Return the root of an SCXML document.
 
     Raises:
         UsageError: it is no XML, no SCXML, or beyond the bounds.
+    """
+    root = parse(text)
+    if root.kind != "scxml":
+        wanted = f"<scxml xmlns={_SCXML.strip()!r}>"
+        raise UsageError(f"line {root.line}: the document is <{root.kind}>, not {wanted}")
+    return root
+
+
+def parse(text: bytes) -> Element:
+    """Return the root of a document. `content` has no children: they are data or another document.
+
+    Raises:
+        UsageError: it is no XML, or beyond the bounds.
     """
     if len(text) > MAX_BYTES:
         raise UsageError(f"the document has {len(text)} bytes; {MAX_BYTES} are the most")
@@ -137,8 +150,5 @@ def elements(text: bytes) -> Element:
     except (LookupError, ValueError) as problem:  # an encoding that Python or expat does not know
         raise UsageError(f"line 1: no XML: {problem}") from None
     root = stack[0].children[0]
-    if root.kind != "scxml":
-        wanted = f"<scxml xmlns={_SCXML.strip()!r}>"
-        raise UsageError(f"line {root.line}: the document is <{root.kind}>, not {wanted}")
     root.parent = None
     return root

@@ -12,20 +12,25 @@ from lupin_engine.sim import Between, Happening, Script
 from lupin_verify.rates import Rates
 
 
-def pool_of(world: World, mission: str) -> tuple[str, tuple[str, ...]]:
-    """Return the field of a request that lists targets, and its default targets; empty if none does."""
+def pool_of(world: World, mission: str) -> tuple[str, tuple[Any, ...]]:
+    """Return the field of a request that lists targets, and its default targets; empty if none does.
+
+    They are as a request has them: the names of things that a plugin reads, anything else as it is.
+    """
     asked = {"mission_type": mission}
     values, refusal = read_request(world, asked, EvaluationScope(world, Memory()).at("", 0.0))
     for name, value in values.items() if refusal is None else ():
         if isinstance(value, list) and value:
             try:
-                return name, tuple(identity_of(item) for item in value)
+                names = tuple(identity_of(item) for item in value)
             except ValueError:
                 continue
+            kind = world.chart.missions[mission].request[name].type.item
+            return name, names if kind is None or kind.name in world.readers else tuple(value)
     return "", ()
 
 
-def draw(rates: Rates, seed: int, pool: tuple[str, Sequence[str]]) -> Script:
+def draw(rates: Rates, seed: int, pool: tuple[str, Sequence[Any]]) -> Script:
     """Return the world of a seed; it is the same on every machine."""
     dice = random.Random(f"campaign/{seed}")
     script = rates.script
@@ -34,7 +39,7 @@ def draw(rates: Rates, seed: int, pool: tuple[str, Sequence[str]]) -> Script:
     return replace(script, request=request, happenings=tuple(happenings), seed=script.seed + seed)
 
 
-def _targets(rates: Rates, dice: random.Random, field: str, known: Sequence[str]) -> dict[str, Any]:
+def _targets(rates: Rates, dice: random.Random, field: str, known: Sequence[Any]) -> dict[str, Any]:
     if not field or field in rates.script.request:
         return {}
     fewest, most = rates.targets or (1, len(known))

@@ -141,7 +141,7 @@ def listed(chart: Chart) -> Iterator[tuple[str, str, Place | None]]:
 def is_own(chart: Chart, name: str) -> bool:
     """Return whether a property stands in a mission or a part, not in the lifecycle or the engine."""
     rule = chart.properties.get(name)
-    return rule is not None and rule.place.file != chart.states[""].place.file
+    return rule is not None and rule.place.file not in chart.lifecycle_files
 
 
 def prove(

@@ -77,7 +77,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
         case SetClock(to):
             return {"clock": to}
         case Restart(after):
-            return {"restart": f"{after:g} s"}
+            return {"restart": True if after is None else f"{after:g} s"}
     raise AssertionError(f"no scenario says {effect}")
 
 

@@ -21,7 +21,7 @@ from lupin_engine.chart.compose.carried import Carried, carries_something, end_o
 from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events, read_refusals
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.outs import Outs
-from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, timeless
+from lupin_engine.chart.compose.timeless import own_name, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once, texts_of
 from lupin_engine.chart.compose.used import UsedMissionReader
@@ -66,7 +66,7 @@ from lupin_engine.chart.model import (
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN, MAX_TARGETS, TIME_ZONE
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.profile import ANSWER
@@ -196,7 +196,7 @@ class _Composer:
         holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
         chart = Chart(
             name=self._lifecycle.lifecycle,
-            files=tuple(dict.fromkeys(file.place.file for file in files)),
+            files=tuple(dict.fromkeys((*self._lifecycle.files, *(file.place.file for file in files)))),
             states=states,
             missions=self._mission_records(),
             holds=holds,
@@ -208,6 +208,8 @@ class _Composer:
             properties=self._properties(files),
             summary=self._lifecycle.summary,
             catalog=self._catalog,
+            lifecycle_files=self._lifecycle.files,
+            extends=self._lifecycle.extends or "",
         )
         plugins = self._plugins()
         chart = replace(chart, plugins=plugins)
@@ -374,17 +376,15 @@ class _Composer:
         for file in files:
             for name, node in file.properties.items():
                 place, path = file.key_at("properties", name), f"properties.{name}"
-                if name in WATCHED_ALWAYS:
-                    problem = f"there is a property {name!r} already, of every mission"
-                    self._findings.add(place, "conflicting-definition", path, problem, "rename it")
-                elif self._is_new("property", name, place, path, found):
+                own = own_name(name, node, place, self._findings)
+                if own and self._is_new("property", own, place, path, found):
                     about = file.name if isinstance(file, MissionNode) else ""
                     with self._at_all_times(file, "property", node.place, path) as scope:
-                        read = read_property(name, node, place, scope, self._findings, about)
+                        read = read_property(own, node, place, scope, self._findings, about)
                     if node.code is not None:
                         check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
                     if read is not None:
-                        found[name] = read
+                        found[own] = read
         for mission in self._requested:
             self._not_meant(mission, found)
         return found
@@ -607,8 +607,17 @@ class _Composer:
         inner = outer.with_names({"target": item, "itinerary": ITINERARY})
         if items is None:
             return None, inner
-        walk = Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open", node.source)
-        return walk, inner
+        again, leaves_open = self._again(node, path), node.on_abort == "leave_open"
+        return Itinerary(items, node.place, order, sweeps, again, leaves_open, node.source), inner
+
+    def _again(self, node: ItineraryNode, path: str) -> tuple[str, ...]:
+        """Return the statuses after which a target is visited once more; findings for unknown ones."""
+        allowed = self._catalog.profile.statuses
+        for index, status in enumerate(node.again):
+            if status not in allowed:
+                problem, hint = f"unknown status {str(status)!r}", nearest(status, allowed)
+                self._findings.add(node.at("again", index), "wrong-type", f"{path}.again", problem, hint)
+        return tuple(map(str, node.again))
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:
         """Report targets without an `id`, by which published messages name them."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from lupin_engine.chart.documents import (
     FileNode,
@@ -19,6 +19,8 @@ from lupin_engine.chart.documents import (
     LifecycleNode,
     ParameterNode,
     PartNode,
+    RecordFieldNode,
+    RecordTypes,
     RequestFieldNode,
     VariableNode,
 )
@@ -39,13 +41,16 @@ from lupin_engine.chart.records import same_meaning
 from lupin_engine.errors import Place, Severity, declared_as, meant, nearest, or_else
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.parameters import POSSIBLE_TYPES, RESERVED, carried_as
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.registry import LETTERS, Catalog
+from lupin_engine.plugin.registry import NAME as LOWER_NAME
 from lupin_engine.plugin.types import (
     ANY,
     BOOL,
+    BUILTIN_TYPES,
     COUNT,
     DATE,
     DURATION,
+    GATHERED,
     NUMBER,
     TIME_OF_DAY,
     UNITS,
@@ -80,13 +85,26 @@ _KINDS: Mapping[str, str] = {
     "bool": "yes or no",
 }
 
+#: The most fields of a record type, together with those of the records in it.
+MAX_FIELDS = 100
+
 _T = TypeVar("_T")
+
+
+class HasTypes(Protocol):
+    """A file that may declare record types."""
+
+    types: RecordTypes
+
+    def key_at(self, key: str, *inner: str) -> Place:
+        """Return where a key stands."""
 
 
 @dataclass
 class Declared:
     """The declarations of all files, joined; `places` are those of the first declarations."""
 
+    records: dict[str, Type] = field(default_factory=dict)
     parameters: dict[str, Parameter] = field(default_factory=dict)
     inputs: dict[str, Input] = field(default_factory=dict)
     codes: dict[str, Code] = field(default_factory=dict)
@@ -103,13 +121,16 @@ class Declarer:
     def __init__(self, catalog: Catalog, findings: Findings, usage: Usage) -> None:
         self._catalog = catalog
         self._findings = findings
-        self._types = catalog.known_types
+        self._types = dict(catalog.known_types)
+        self._unread: dict[str, HasTypes] = {}
+        self._open: list[str] = []
         self._usage = usage
         self.declared = Declared()
 
     def read(self, files: Iterable[FileNode]) -> Declared:
         """Read the declarations of `files`, the lifecycle first."""
         nodes = list(files)
+        self.read_types(nodes)
         for node in nodes:
             self._parameters(node)
         for node in nodes:
@@ -143,14 +164,87 @@ class Declarer:
         return False
 
     def _type(self, text: str, place: Place, path: str) -> Type | None:
+        name = next(reversed(text.split()), "")
+        if name in self._unread:
+            self._record(self._unread[name], name)
+        if name in self._open:
+            problem, hint = f"{one(name)} would hold itself, without end", "hold its id, a text"
+            self._findings.add(place, "wrong-type", path, problem, hint)
+            return None
+        known = {**self._types, **dict.fromkeys(self._unread, ANY)} if self._unread else self._types
         try:
-            kind = parse_type(text, self._types)
+            kind = parse_type(text, known)
         except ValueError as error:
             problem, _, hint = str(error).partition("; ")
             self._findings.add(place, "unknown-type", path, problem, hint)
             return None
         self.declared.types.add(innermost(kind).name)
         return kind
+
+    # -- record types --------------------------------------------------------------------------------------
+
+    def read_types(self, files: Iterable[HasTypes]) -> dict[str, Type]:
+        """Read the record types of files; they may hold each other, in any order."""
+        written = [(file, name) for file in files for name in file.types]
+        first = {name: file for file, name in reversed(written)}
+        self._unread = dict(first)
+        for file, name in written:
+            if name in self._unread or first[name] is not file:
+                self._record(file, name)
+        return self.declared.records
+
+    def _record(self, file: HasTypes, name: str) -> None:
+        """Read a record type; a field with a mistake is of any type, and all uses are right."""
+        place, path = file.key_at("types", name), f"types.{name}"
+        self._unread.pop(name, None)
+        self._open.append(name)
+        fields = {each: self._record_field(file, name, each) for each in file.types[name]}
+        self._open.pop()
+        kind = Type("record", name, fields=fields)
+        if self._is_others(name, kind, place, path):
+            return
+        self._put("type", self.declared.records, name, kind, place)
+        self._types.setdefault(name, kind if self._is_usable(name, kind, place, path) else ANY)
+
+    def _record_field(self, file: HasTypes, record: str, name: str) -> Type:
+        path, node = f"types.{record}.{name}", file.types[record][name]
+        self._lower_name("field", name, file.key_at("types", record, name), path, WORDS)
+        kind = self._bounded(node, path)
+        if kind is None:
+            return ANY
+        return within(kind, self.limit(node, "min", kind, path), None)
+
+    def _is_others(self, name: str, kind: Type, place: Place, path: str) -> bool:
+        """Report a record type whose name is built in, or has another meaning in a plugin."""
+        problem, hint = f"the type {name!r} is built in", "rename yours"
+        if name not in BUILTIN_TYPES:
+            if same_meaning(self._catalog.types.get(name, kind), kind):
+                return False
+            owner = self._catalog.owners["type", name]
+            problem = f"the type {name!r} is declared differently by plugin {owner!r}"
+            hint = "use that one, or rename yours"
+        self._findings.add(place, "conflicting-definition", path, problem, hint)
+        return True
+
+    def _is_usable(self, name: str, kind: Type, place: Place, path: str) -> bool:
+        """Report a record type without fields, with too many, or with a wrong name."""
+        self._lower_name("type", name, place, path, GATHERED)
+        fields = _fields_in(kind)
+        if not fields:
+            problem, hint = f"the type {name!r} has no fields", f"write '{name}: {{id: text}}'"
+            self._findings.add(place, "missing-key", path, problem, hint)
+        elif fields > MAX_FIELDS:
+            problem = f"{one(name)} has {fields} fields with those inside, at most {MAX_FIELDS} are allowed"
+            self._findings.add(place, "too-large", path, problem, "hold the id of a record in its place")
+        return 0 < fields <= MAX_FIELDS
+
+    def _lower_name(self, what: str, name: str, place: Place, path: str, taken: Iterable[str]) -> None:
+        """Report a name of a type or field that cannot be used."""
+        formed = LOWER_NAME.fullmatch(name) is not None
+        if not formed or name in taken:
+            problem = f"{name!r} cannot be used as the name of {one(what)}"
+            hint = "it is a word of the language" if formed else f"use {LETTERS[LOWER_NAME]}"
+            self._findings.add(place, "bad-name", path, problem, hint)
 
     def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
         """Return the scope of a file's expressions anywhere: parameters, inputs, variables, functions."""
@@ -222,7 +316,10 @@ class Declarer:
             self._findings.add(place, "bad-name", path, problem, "rename yours")
         if not carried_as(kind):
             problem = f"the orchestrator can have no parameter of type {str(kind)!r}"
-            self._findings.add(node.at("type"), "wrong-type", path, problem, f"a parameter {POSSIBLE_TYPES}")
+            hint = f"a parameter {POSSIBLE_TYPES}"
+            if innermost(kind).kind == "any":
+                hint = "declare the fields of a record under 'types', and write its name here"
+            self._findings.add(node.at("type"), "wrong-type", path, problem, hint)
 
     def measured(self, node: Node, kind: str, unit: str | None, path: str) -> Type | None:
         """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension.
@@ -249,7 +346,7 @@ class Declarer:
             self._findings.add(node.at("unit"), "wrong-unit", path, problem, hint)
         return kind
 
-    def _bounded(self, node: VariableNode | RequestFieldNode, path: str) -> Type | None:
+    def _bounded(self, node: VariableNode | RequestFieldNode | RecordFieldNode, path: str) -> Type | None:
         """Read a type with its `max`, which of a list is the number of its elements; None after findings."""
         kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
@@ -512,6 +609,11 @@ def read_refusals(
         value = read_key(each, "value", ANY, scope, findings, path)
         found.append(FieldRefusal(guard, each.code, each.place, value))
     return tuple(found)
+
+
+def _fields_in(kind: Type) -> int:
+    """Return how many fields a type has, together with those of the records in it."""
+    return sum(1 + _fields_in(innermost(each)) for each in kind.fields.values())
 
 
 def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:

@@ -14,7 +14,8 @@ from lupin_engine.chart.expressions.units import one
 from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
-from lupin_engine.errors import Place
+from lupin_engine.chart.strictness import stricter
+from lupin_engine.errors import Place, Severity
 from lupin_engine.plugin.contract import OWN_HOLDS
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, DURATION, TEXT, Type, list_of
@@ -168,6 +169,22 @@ def _is_written(node: PropertyNode, key: str) -> bool:
     return getattr(node, key) not in (None, ())
 
 
+def own_name(name: str, node: PropertyNode, place: Place, findings: Findings) -> str | None:
+    """Return the name of an author's property; None after a finding that it is that of a built-in one.
+
+    While that is a warning, the property is called `my_NAME`.
+    """
+    if name not in WATCHED_ALWAYS and (node.built_in or name not in BUILT_IN_NAMES):
+        return name
+    problem = f"there is a property {name!r} already, of every mission"
+    hint = f"call it my_{name}"
+    if name in BUILT_IN_NAMES:
+        problem, hint = f"{name!r} is built in", f"write 'built_in: true', or call it my_{name}"
+    taken = stricter("property-name", place, f"properties.{name}", problem, hint)
+    findings.extend([taken])
+    return f"my_{name}" if taken.severity is Severity.WARN else None
+
+
 def _check_built_in(name: str, node: PropertyNode, written: list[str], findings: Findings) -> None:
     if name not in BUILT_IN_NAMES:
         findings.unknown(
@@ -195,11 +212,6 @@ def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -
             name, node, [*kinds, *(key for key in _MORE if getattr(node, key) is not None)], findings
         )
         return
-    if name in BUILT_IN_NAMES:
-        problem = f"{name!r} is built in"
-        findings.add(
-            node.place, "conflicting-definition", path, problem, "write 'built_in: true', or rename it"
-        )
     if len(kinds) != 1:
         found = f"got {' and '.join(kinds)}" if kinds else "got none"
         problem, hint = (
@@ -215,4 +227,4 @@ def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -
         findings.add(node.at("within"), "wrong-shape", path, problem, "leave it out, or write 'until: ...'")
 
 
-__all__ = ["read_property", "scope_of", "timeless"]
+__all__ = ["own_name", "read_property", "scope_of", "timeless"]

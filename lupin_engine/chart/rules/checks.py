@@ -28,7 +28,7 @@ from lupin_engine.chart.rules.unused import (
     unused_variable,
 )
 from lupin_engine.chart.rules.visits import published_twice, visits
-from lupin_engine.chart.rules.walks import begins_anew, untold_rest
+from lupin_engine.chart.rules.walks import begins_anew, silent_fault, untold_rest
 from lupin_engine.chart.rules.ways import (
     dead_end,
     never_happens,
@@ -95,6 +95,7 @@ GLOBAL: tuple[Rule, ...] = (
     published_twice,
     begins_anew,
     untold_rest,
+    silent_fault,
     event_field,
 )
 #: Rules about what is declared and not used.

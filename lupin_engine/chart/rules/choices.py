@@ -21,6 +21,7 @@ from lupin_engine.chart.rules.index import (
     taken_when,
 )
 from lupin_engine.chart.semantics import FAULT, matches
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER
 
@@ -295,13 +296,17 @@ def _without_answer(index: Index, state: State) -> Iterator[Diagnostic]:
     invoke = state.invoke
     assert invoke is not None
     handled = {transition.event for transition in state.transitions}
-    fails = bool(invoke.operation.codes) or invoke.timeout_code is not None or index.inside(state.name, FAULT)
+    is_late = not invoke.operation.codes and invoke.timeout_code is None and index.inside(state.name, FAULT)
+    fails = bool(invoke.operation.codes) or invoke.timeout_code is not None or is_late
     for event, key, happens in (("done", "on_done", True), ("error", "on_error", fails)):
         if event not in handled and happens:
             how = "ended" if event == "done" else "failed"
             problem = f"nothing says what follows when {invoke.name} has {how}"
             hint = f"add '{key}: STATE'"
-            yield Diagnostic(invoke.place, "unhandled-outcome", state.name, problem, hint)
+            if is_late and event == "error":
+                yield stricter("wait-in-fault", invoke.place, state.name, problem, hint)
+            else:
+                yield Diagnostic(invoke.place, "unhandled-outcome", state.name, problem, hint)
 
 
 def _without_rest(

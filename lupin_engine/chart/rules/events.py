@@ -19,6 +19,7 @@ from lupin_engine.chart.model import Kind, State, Transition
 from lupin_engine.chart.records import COMPUTED, walk
 from lupin_engine.chart.rules.index import Index, always_taken, event_name, local
 from lupin_engine.chart.semantics import EXECUTION_ERROR
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER, START
 
@@ -55,7 +56,7 @@ def _finding(expression: Expression, state: State, name: str, lacking: Transitio
     if not lacking.event:
         problem = f"there may be no event.{name} here: {way} is also taken later, when no event is seen"
     hint = f"where the event is seen, keep it: 'do: [set: {{NAME: \"${{ event.{name} }}\"}}]'"
-    return Diagnostic(expression.place, "unknown-name", state.name, problem, hint)
+    return stricter("event-field", expression.place, state.name, problem, hint)
 
 
 # -- what reads an event ------------------------------------------------------------------------------------

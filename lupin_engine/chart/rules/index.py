@@ -283,6 +283,8 @@ def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
 def line_of(place: Place, here: Place) -> str:
     """Return a place as text, for a finding at another one."""
     name = place.file.rpartition("/")[2]
+    if name == here.file.rpartition("/")[2]:
+        name = place.file  # of two files with one name, the path tells them apart
     return f"line {place.line}" if place.file == here.file else f"line {place.line} of {name}"
 
 

@@ -16,12 +16,21 @@ from lupin_engine.errors import Diagnostic, Place
 
 
 def unused_parameter(index: Index) -> Iterator[Diagnostic]:
-    """Find a parameter that a file declares and no expression reads."""
+    """Find a parameter that a file declares and no expression reads.
+
+    An inherited one cannot be removed: that an override has left it without a reader is a warning.
+    """
+    rule, chart = "unused-parameter", index.chart
     for name, place in _declared(index, "parameter"):
-        if name not in index.composed.usage.parameters:
-            problem = f"nothing reads the parameter {name!r}"
-            hint = f"read it as param.{name}, or remove it"
-            yield Diagnostic(place, "unused-parameter", f"params.{name}", problem, hint)
+        if name in index.composed.usage.parameters:
+            continue
+        problem, path = f"nothing reads the parameter {name!r}", f"params.{name}"
+        if place.file in chart.lifecycle_files[1:]:
+            at = index.composed.drafts[""].file.at("extends")
+            problem += f" of {chart.extends} any more"
+            yield warning(at, rule, path, problem, f"let the override read it as param.{name}")
+        else:
+            yield Diagnostic(place, rule, path, problem, f"read it as param.{name}, or remove it")
 
 
 def _declared(index: Index, family: str) -> Iterator[tuple[str, Place]]:
@@ -66,8 +75,8 @@ def unused_code(index: Index) -> Iterator[Diagnostic]:
 
 def _own(index: Index, family: str) -> list[tuple[str, Place]]:
     """Return the declarations that must be used in these files; the lifecycle's may be for other missions."""
-    lifecycle = index.chart.files[0]
-    return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
+    lifecycle = index.chart.lifecycle_files
+    return [(name, place) for name, place in _declared(index, family) if place.file not in lifecycle]
 
 
 def _codes_used(index: Index) -> set[str]:
@@ -117,14 +126,14 @@ def never_set(index: Index) -> Iterator[Diagnostic]:
 
     One of the lifecycle may be meant for other missions, unless the lifecycle itself reads it.
     """
-    lifecycle = index.chart.files[0]
+    lifecycle = index.chart.lifecycle_files
     written: dict[str, list[Value]] = {}
     for call in index.calls:
         for name, value in call.action.arguments.items() if call.action.name in WRITING else ():
             written.setdefault(name, []).append(value)
     for name, place in _declared(index, "variable"):
         default = index.chart.context[name].default
-        is_read = index.texts.names(name, "" if place.file == lifecycle else None)
+        is_read = index.texts.names(name, "" if place.file in lifecycle else None)
         if is_read and all(_is_same(value, default) for value in written.get(name, ())):
             problem = f"nothing gives the variable {name!r} another value than its default"
             hint = "set it where that changes, or make it a parameter"

@@ -20,6 +20,7 @@ from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, guard_of, local, taken_when
 from lupin_engine.chart.semantics import matches
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 
 #: What a visit may be.
@@ -152,7 +153,7 @@ class _VisitAnalysis:
             if call.action.name == "itinerary.advance" and before == first:
                 problem = f"{walker!r} begins with its first target, whose visit is open: refused at once"
                 hint = "let 'initial' name the state that works on a target, and advance when it is closed"
-                yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
+                yield stricter("first-visit-open", call.action.place, call.path, problem, hint)
                 return
 
     def read_without_target(self) -> Iterator[Diagnostic]:

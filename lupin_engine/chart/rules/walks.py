@@ -1,4 +1,4 @@
-"""Two warnings: an itinerary restarted by accident, or left with targets of which no outcome is published."""
+"""Warnings: an itinerary restarted by accident, or left, also by FAULT, without an outcome of each target."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.model import Kind, State, Transition, every_call
+from lupin_engine.chart.model import Chart, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import Index, guard_of, local
+from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 
 
@@ -52,6 +54,22 @@ def untold_rest(index: Index) -> Iterator[Diagnostic]:
             problem = f"the targets of {local(walker.name)!r} that are open then are told of by nobody"
             hint = "add 'itinerary.close_rest: {status: ...}' to its 'do'"
             yield warning(transition.place, "untold-rest", transition.id, problem, hint)
+
+
+def silent_fault(index: Index) -> Iterator[Diagnostic]:
+    """Find a FAULT that publishes no outcome of the targets that a failed mission leaves."""
+    fault = index.chart.states.get(FAULT)
+    walks = (walker.itinerary for walker in _walkers(index) if walker.mission)
+    if fault is None or closes_in_fault(index.chart) or all(walk.leaves_open for walk in walks if walk):
+        return
+    problem = "a mission that fails leaves its targets without an outcome"
+    hint = "add 'itinerary.close_rest: {status: ..., code: ...}' to its 'entry'"
+    yield stricter("silent-fault", fault.place, FAULT, problem, hint)
+
+
+def closes_in_fault(chart: Chart) -> bool:
+    """Say whether FAULT publishes an outcome of each target that a failed mission leaves."""
+    return any(call.name == "itinerary.close_rest" for call in every_call(chart.states[FAULT].on_entry))
 
 
 def _publishes_all(walker: State) -> bool:

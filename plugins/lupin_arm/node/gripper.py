@@ -10,7 +10,7 @@ from control_msgs.action import GripperCommand
 from lupin_arm.joints import JAW_EFFORT, jaw_to_degrees
 from lupin_arm.node.torque import Done
 from lupin_arm.node.waiting import when_ready
-from lupin_ros.adapter import Goal, RosNode
+from lupin_ros.adapter import Goal, GoalCallbacks, RosNode
 
 #: Seconds that a command waits for the jaw's controller to be there.
 PATIENCE_S = 2.0
@@ -68,10 +68,9 @@ class Gripper:
 
         sent = self._goal = self._action.send(
             goal,
-            accepted=accepted,
-            feedback=lambda _: None,
-            ended=ended,
-            rejected=lambda: self._ended(sent, angle, "rejected"),
+            GoalCallbacks(
+                accepted=accepted, ended=ended, rejected=lambda: self._ended(sent, angle, "rejected")
+            ),
         )
 
     def _ended(self, goal: Goal, angle: float, problem: str) -> None:

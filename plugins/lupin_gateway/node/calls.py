@@ -22,6 +22,7 @@ from lupin_ros.adapter import (
     ActionCaller,
     CallFailure,
     Goal,
+    GoalCallbacks,
     Repeater,
     RosNode,
     ServiceCaller,
@@ -227,10 +228,12 @@ class Actions:
 
         pending.goal = caller.send(
             goal,
-            accepted=pending.accepted,
-            feedback=fed_back,
-            ended=ended,
-            rejected=lambda: pending.fail("the goal was rejected"),
+            GoalCallbacks(
+                accepted=pending.accepted,
+                feedback=fed_back,
+                ended=ended,
+                rejected=lambda: pending.fail("the goal was rejected"),
+            ),
         )
 
     def _caller(self, name: str, type_: str) -> ActionCaller:

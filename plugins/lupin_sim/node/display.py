@@ -13,7 +13,7 @@ from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path
 
 from lupin_engine.plugin import turn_fields
-from lupin_ros.adapter import Goal, Qos, RosNode
+from lupin_ros.adapter import Goal, GoalCallbacks, Qos, RosNode
 from lupin_sim.floor import Point
 
 
@@ -47,13 +47,7 @@ class Display:
             self._ros.log.warning("a click while the stop is engaged moves nothing")
             return
         self._ros.log.info("driving to where somebody clicked", x=round(place.x, 2), y=round(place.y, 2))
-        self._clicked = self._navigation.send(
-            NavigateToPose.Goal(pose=pose),
-            accepted=_nothing,
-            feedback=_nothing,
-            ended=_nothing,
-            rejected=_nothing,
-        )
+        self._clicked = self._navigation.send(NavigateToPose.Goal(pose=pose), GoalCallbacks())
 
     def stop(self, engaged: bool) -> None:
         """Take the stop's state: engaged, it cancels the drive to a click; a release moves nothing."""

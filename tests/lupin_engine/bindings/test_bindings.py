@@ -495,6 +495,53 @@ def test_messages_in_messages(folder: Path, catalog: Catalog) -> None:
     ]
 
 
+WARD_MESSAGE = {"id": TEXT, "floor": COUNT, "pose": POSE_MESSAGE, "door": NUMBER}
+BED_MESSAGE = message("Bed", number=COUNT, free=BOOL)
+RIDE: Definition = {
+    "request": message(
+        "Request",
+        floors=list_of(COUNT),
+        goal=Type("record", "Goal", fields={"name": TEXT, "place": POSE_MESSAGE, "width": NUMBER}),
+        stops=list_of(COUNT),
+        whole=message("Ward", **WARD_MESSAGE),
+    ),
+    "response": message(
+        "Response", ok=BOOL, ward=message("Ward", **WARD_MESSAGE, beds=list_of(BED_MESSAGE), more=TEXT)
+    ),
+    "constant": Type("record", "constant"),
+}
+
+
+def test_a_record_and_the_message_that_it_is_sent_as(catalog: Catalog) -> None:
+    """By their fields: a pose in it fills a pose, and what the other has besides is left out."""
+    folder = BOUND.parent / "records"
+    binding = load_files(folder / LIFECYCLE, [folder / "rounds.yaml"], catalog).bindings["lift"]
+    ward = {"id": "lab", "floor": 1, "pose": {"x": 1.0, "y": 2.0, "yaw": 0.0}, "door": 1.2, "beds": []}
+    ride = binding.calls["ride"]
+    sent = ride.sending.sent({"start": ward, "to": ward, "by": [ward]}, AROUND)
+    assert (sent["floors"], sent["goal"]["width"], sent["stops"], sent["whole"]) == ([1, 1], 1.2, [1], ward)
+    position, turned = {"x": 1.0, "y": 2.0, "z": 0.0}, {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    place = {"position": position, "orientation": turned}
+    heard = {**ward, "pose": place, "beds": [{"number": 1, "free": True}], "more": "unread"}
+    given = ride.outcome({"response": {"ok": True, "ward": heard}}, AROUND).result
+    assert given == {"at": {**ward, "beds": [{"number": 1, "free": True}]}}
+
+    def told(definition: Definition) -> list[tuple[str, str]]:
+        findings = Findings()
+        check_definition(binding, lambda name: definition if name.endswith("Ride") else None, findings)
+        errors = (found for found in findings.all if found.severity is Severity.ERROR)
+        return [(found.problem, found.hint) for found in errors]
+
+    assert told(RIDE) == []
+    without = message("Response", ok=BOOL, ward=message("Ward", id=TEXT))
+    problem = "expected ward, but 'response.ward' is Ward"
+    assert told({**RIDE, "response": without}) == [(problem, "it has no 'floor'")]
+    more = message("Request", **{**RIDE["request"].fields, "whole": message("Ward", floor=TEXT)})
+    assert told({**RIDE, "request": more}) == [
+        ("expected Ward, but 'to' is ward", "its 'floor' is a plain number")
+    ]
+
+
 def test_whole_numbers_of_a_message_may_be_of_any_unit(folder: Path, catalog: Catalog) -> None:
     """What is on the wire has no unit that could be wrong."""
     file = folder / "bindings" / "survey.yaml"

@@ -92,7 +92,7 @@ def test_short_forms_know_their_place() -> None:
 def test_the_keys_of_a_model_are_those_that_are_written() -> None:
     """`with`, not the name that Python needs."""
     assert "use" in keys_of(TransitionNode)
-    assert keys_of(PartNode)[:3] == ("summary", "params", "inputs")
+    assert keys_of(PartNode)[:3] == ("lupin", "summary", "types")
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,7 @@ def test_an_itinerary_shows_order_and_sweeps(words: Picture) -> None:
         "for each of request.tags",
         "smallest distance(input.pose, approach(target)) first",
         "sweeps: request.rounds",
+        "once more: SCAN_FAILED",
         "resume → GOING",
     )
 

@@ -279,6 +279,7 @@ def _itinerary(given: Any) -> Itinerary:
         place=PLACE,
         order=optional(fields, "order"),
         sweeps=optional(fields, "sweeps"),
+        again=fields.get("again", ()),
         leaves_open=fields.get("leaves_open", False),
         source=fields.get("source", ""),
     )

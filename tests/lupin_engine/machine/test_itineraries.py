@@ -203,6 +203,50 @@ def test_counters_go_over_all_sweeps() -> None:
     assert seen(bench) == {"open": True, "remaining": 1, "total": 3, "closed": 1, "sweep": 2}
 
 
+def test_what_failed_is_visited_once_more_after_the_rest() -> None:
+    """The second sweep is over the failed targets alone, and is the last one."""
+    bench = walking(again=("SCAN_FAILED",))
+    assert walk(bench, "fail", "next", "close", "next", "fail") == ["1", "2", "2", "3", "3"]
+    assert seen(bench) == {"open": False, "remaining": 2, "total": 3, "closed": 3, "sweep": 1}
+    assert walk(bench, "next", "close", "next", "fail", "next") == ["1", "1", "3", "3", ""]
+    view = bench.machine.view
+    assert (view.total, view.counts["OK"], view.counts["SCAN_FAILED"]) == (3, 2, 3)
+    traversal = bench.machine.memory.traversal
+    assert traversal is not None
+    assert [(v.target, v.status) for v in traversal.outcomes] == [
+        ("2", "OK"),
+        ("1", "OK"),
+        ("3", "SCAN_FAILED"),
+    ]
+    assert bench.send("next").notes == ("itinerary.advance refused: there is no target to go on from",)
+
+
+def test_nothing_is_visited_again_where_nothing_failed() -> None:
+    """Another status than the named ones is no failure."""
+    bench = walking(again=("UNREACHABLE",))
+    assert walk(bench, "fail", "next", "close", "next", "close") == ["1", "2", "2", "3", "3"]
+    assert seen(bench)["remaining"] == 0
+    assert walk(bench, "next") == [""]
+
+
+def test_what_failed_in_the_last_of_several_sweeps_is_visited_again() -> None:
+    """The sweeps before it are over the whole list."""
+    bench = walking(sweeps=2, again=("SCAN_FAILED",))
+    walk(bench, "fail", "next")
+    visit(bench, 2)
+    assert seen(bench) == {"open": True, "remaining": 2, "total": 3, "closed": 0, "sweep": 2}
+    visit(bench, 2)
+    assert walk(bench, "fail", "next", "close", "next") == ["3", "3", "3", ""]
+
+
+def test_an_end_in_the_second_visits_leaves_the_first_results() -> None:
+    """Targets that wait for their second visit have a result already; closing the rest gives the newest."""
+    bench = walking(again=("SCAN_FAILED",))
+    walk(bench, "fail", "next", "fail", "next", "close", "next", "close")
+    told = [each for each in bench.send("rest").commands if isinstance(each, Publish)]
+    assert [(each.target, each.status) for each in told] == [("2", "SKIPPED")]
+
+
 def test_a_sweep_that_is_cut_short_does_not_hide_the_ones_before() -> None:
     """What became of a target is its newest visit that was closed."""
     bench = walking(sweeps=0)

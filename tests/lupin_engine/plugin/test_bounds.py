@@ -90,6 +90,18 @@ def test_what_is_computed_for_a_variable(kind: Type, value: float) -> None:
         fitted(value, kind)
 
 
+def test_what_is_computed_for_a_variable_of_a_record_type() -> None:
+    """Each field is as its type bounds it; what a record has besides is kept."""
+    beds = Type("list", "set of integer", item=INTEGER, distinct=True, maximum=2)
+    ward = Type(
+        "record", "ward", fields={"door": Type("number", "length", unit="m", minimum=0.5), "beds": beds}
+    )
+    assert fitted({"door": 0.5, "beds": [1, 1], "more": 1}, ward) == {"door": 0.5, "beds": [1], "more": 1}
+    for wrong in ({"door": 0.4, "beds": []}, {"door": 1.0, "beds": [1, 2, 3]}):
+        with pytest.raises(ValueError, match=r"^a (length of at least 0\.5|set of integer of at most 2)"):
+            fitted([wrong], list_of(ward))
+
+
 @pytest.mark.parametrize("notation", Notation)
 @pytest.mark.parametrize("year", [1, 1900, 2000, 2023, 2024, 2100, 9996, 9999])
 def test_a_date_is_a_day_that_exists(year: int, notation: Notation) -> None:

@@ -8,8 +8,21 @@ from typing import Any
 import pytest
 
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.parameters import accepted, sorted_out
-from lupin_engine.plugin.types import COUNT, DURATION, LENGTH, NUMBER, ROS_NAME, TEXT, number_in, one_of
+from lupin_engine.plugin.parameters import accepted, carried_as, sorted_out
+from lupin_engine.plugin.types import (
+    ANY,
+    COUNT,
+    DURATION,
+    LENGTH,
+    NUMBER,
+    POSE,
+    ROS_NAME,
+    TEXT,
+    Type,
+    list_of,
+    number_in,
+    one_of,
+)
 
 CHOICE = Parameter(one_of("simulator", "recorded", "mqtt"), "simulator", "")
 NAME = Parameter(ROS_NAME, "/map", "")
@@ -76,3 +89,20 @@ def test_good_values_are_kept_beside_bad_ones() -> None:
             "parameter 'title': expected text, got 7",
         ],
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "carried"),
+    [
+        (POSE, "list of number"),
+        (list_of(POSE), "text"),
+        (Type("record", "ward", fields={"id": TEXT, "at": POSE}), "text"),
+        (list_of(list_of(Type("record", "ward", fields={"id": TEXT}))), "text"),
+        (list_of(LENGTH), "list of number"),
+        (list_of(list_of(LENGTH)), ""),
+        (ANY, ""),
+    ],
+)
+def test_how_a_node_has_a_parameter(kind: Type, carried: str) -> None:
+    """A record of numbers as their list, as ever; any other, and those in lists, as JSON."""
+    assert carried_as(kind) == carried

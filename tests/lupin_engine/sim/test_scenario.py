@@ -140,7 +140,7 @@ when:
   - {on: NAVIGATNG, request: operator.pause}
   - {on: NAVIGATING, request: [operator.pause]}
   - {at: 5 s, requst: operator.resume}
-  - {at: 6 s, restart: true}
+  - {at: 6 s, restart: 3}
 expect: {visits: 3, final: DONE, holds: [paus]}
 """
     assert problems(tmp_path, HEAD + text) == [
@@ -151,7 +151,7 @@ expect: {visits: 3, final: DONE, holds: [paus]}
         "8:10: error: unknown state 'NAVIGATNG'; did you mean 'NAVIGATING'? [unknown-state]",
         "9:31: error: when.1.request: expected a mapping, got a list of 1 [wrong-shape]",
         "10:15: error: when.2: unknown key 'requst'; did you mean 'request'? [unknown-key]",
-        "11:24: error: when.3.restart: expected a duration such as '5 s', got true [wrong-shape]",
+        "11:24: error: when.3.restart: expected a duration such as '5 s', got 3 [wrong-shape]",
         "12:18: error: expect.visits: expected a list, got 3 [wrong-shape]",
         "12:42: error: expect.holds: unknown hold 'paus'; did you mean 'pause'? [unknown-hold]",
     ]

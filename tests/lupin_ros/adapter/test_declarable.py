@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lupin_engine.missions.folders import is_mission, lifecycle_of
 from lupin_engine.missions.load import inspect_chart
 from lupin_engine.plugin.parameters import RESERVED, carried_as
-from lupin_engine.plugin.types import MAX_INTEGER
+from lupin_engine.plugin.types import MAX_INTEGER, TEXT, Type
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.parameters import _ROS_OWN
 from lupin_ros.orchestrator.missions import OWN_PARAMETERS
@@ -46,6 +46,7 @@ VALUES = {
     "date": st.just("2026-11-22"),
     "pose": st.just({"x": "1 m", "y": "0 m", "yaw": "0 rad"}),
     "tag": st.just({"id": "1"}),
+    "ward": st.sampled_from([{"id": "a", "door": "1 m"}, {"id": "a", "door": "1 cm"}, {"id": "a"}]),
 }
 
 
@@ -102,8 +103,11 @@ def test_what_is_accepted_can_be_declared(
 ) -> None:
     mission = tmp_path_factory.getbasetemp() / "declared.yaml"
     states = "initial: A\nstates: {A: {after: {5 s: done}}, done: {type: final}}\n"
-    mission.write_text(f"mission: Declared\nparams: {json.dumps(params)}\n{states}", encoding="utf-8")
+    types = "types: {ward: {id: text, door: {type: length, min: 50 cm}}}"
+    mission.write_text(
+        f"mission: Declared\n{types}\nparams: {json.dumps(params)}\n{states}", encoding="utf-8"
+    )
     if declare(node, MINI, mission):
-        kinds = [shipped.catalog().known_types[p["type"].rpartition(" of ")[2]] for p in params.values()]
-        assert all(map(carried_as, kinds))
+        known = {**shipped.catalog().known_types, "ward": Type("record", "ward", fields={"id": TEXT})}
+        assert all(carried_as(known[p["type"].rpartition(" of ")[2]]) for p in params.values())
         assert RESERVED.isdisjoint(params)

@@ -16,7 +16,7 @@ import pytest
 from nav2_msgs.action import NavigateToPose
 from rclpy.action import ActionServer
 
-from lupin_ros.adapter.actions import CANCEL_LIMIT_S
+from lupin_ros.adapter.actions import CANCEL_LIMIT_S, GoalCallbacks
 from lupin_ros.adapter.node import DELIVERY_LIMIT_S, ActionCaller, RosNode
 from lupin_ros.adapter.process import SUPERVISED
 
@@ -70,7 +70,7 @@ else:
     caller = ros.action(NavigateToPose, "/drive")
     ready = caller.ready
     goal = NavigateToPose.Goal()
-    send = lambda: caller.send(goal, accepted=accepted, feedback=told, ended=told, rejected=told)
+    send = lambda: caller.send(goal, GoalCallbacks(accepted, told, told, told))
 ros.steady_timer(0.05, told)
 ros.work_until(ready, 60.0)
 ros.post(lambda: (send(), print("sent", flush=True)))  # when it spins, and signals are heard
@@ -176,7 +176,7 @@ def test_a_closed_client_takes_no_goal(make_node: Callable[..., RosNode]) -> Non
     caller: ActionCaller = make_node("client").action(NavigateToPose, "/closed")
     caller.close()
     with pytest.raises(RuntimeError, match="the client of action /closed is closed"):
-        caller.send(NavigateToPose.Goal(), accepted=_no, feedback=_no, ended=_no, rejected=_no)
+        caller.send(NavigateToPose.Goal(), GoalCallbacks())
 
 
 def test_a_closed_node_serves_no_action_any_more(make_node: Callable[..., RosNode]) -> None:

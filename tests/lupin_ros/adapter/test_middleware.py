@@ -30,7 +30,15 @@ from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
 from lupin_ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile
 from lupin_ros.adapter.executor import StaleAfter
-from lupin_ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
+from lupin_ros.adapter.node import (
+    ActionCaller,
+    CallFailure,
+    GoalCallbacks,
+    Qos,
+    RosNode,
+    ServedGoal,
+    peer_mismatches,
+)
 from lupin_ros.adapter.peers import rival_servers
 from tests.lupin_ros.helpers import PATIENCE, spin_for, spin_until, work_off
 from tests.processes import ended
@@ -567,10 +575,12 @@ class Journey:
     def send(self, tree: str = "", key: str = "") -> Any:
         return self.caller.send(
             NavigateToPose.Goal(behavior_tree=tree),
-            accepted=lambda: self.heard.append("accepted"),
-            feedback=lambda message: self.heard.append(message.distance_remaining),
-            ended=lambda status, result: self.heard.append((status, result.error_msg)),
-            rejected=lambda: self.heard.append("rejected"),
+            GoalCallbacks(
+                accepted=lambda: self.heard.append("accepted"),
+                feedback=lambda message: self.heard.append(message.distance_remaining),
+                ended=lambda status, result: self.heard.append((status, result.error_msg)),
+                rejected=lambda: self.heard.append("rejected"),
+            ),
             key=key,
         )
 

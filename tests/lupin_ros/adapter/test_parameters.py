@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
 import pytest
 from rclpy.parameter import Parameter as RosParameter
 
-from lupin_engine.errors import PluginError
+from lupin_engine.errors import PluginError, shortened
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
 from lupin_ros.adapter.parameters import descriptor, read, ros_type, to_ros
@@ -107,7 +108,46 @@ def test_units_are_described(kind: Any, described: str) -> None:
     assert descriptor(Parameter(kind, None, "what")).description == described
 
 
-@pytest.mark.parametrize("kind", [ANY, list_of(POSE)])
+WARD = Type("record", "ward", fields={"id": TEXT, "floor": INTEGER, "door": LENGTH, "pose": POSE})
+ICU = {"id": "icu", "floor": 2, "door": 1.2, "pose": {"x": 1.0, "y": 2.0, "yaw": 0.0}}
+FORM = "[{id: text, floor: integer, door: m, pose: {x: m, y: m, yaw: rad}}, ...]"
+
+
+def test_records_are_json() -> None:
+    """It is read back as it was, and described by its fields."""
+    wards = Parameter(list_of(WARD), [], "the places")
+    sent = to_ros("wards", wards, [ICU])
+    assert sent.type_ == RosParameter.Type.STRING
+    assert read("wards", wards, sent.value) == [ICU]
+    assert read("wards", wards, sent.value.replace("1.2", '"120 cm"')) == [ICU]
+    assert descriptor(wards).description == f"the places [JSON: {FORM}]"
+    assert to_ros("ward", Parameter(WARD, None, ""), None).type_ == RosParameter.Type.NOT_SET
+    assert read("ward", Parameter(WARD, None, ""), None) is None
+    assert read("ways", Parameter(list_of(POSE), [], ""), json.dumps([ORIGIN])) == [ORIGIN]
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ("[{", "expected list of ward, got '[{'"),
+        ("[" * 100_000, f"expected list of ward, got {shortened('[' * 100_000)!r}"),
+        ("{}", "expected list of ward, got {}"),
+        (json.dumps([{**ICU, "dor": 1}]), "[0].dor: a ward has no 'dor'; did you mean 'door'?"),
+        (json.dumps([{**ICU, "pose": {"x": 1}}]), "[0].pose: y and yaw of pose left out"),
+        (json.dumps([ICU, {**ICU, "floor": "2"}]), "[1].floor: expected integer, got '2'"),
+        (
+            json.dumps([{**ICU, "door": "1 s"}]),
+            "[0].door: expected length, got '1 s'; its units are 'mm', 'cm', 'm', 'km'",
+        ),
+    ],
+)
+def test_records_that_cannot_be_read_are_refused(given: Any, problem: str) -> None:
+    told = f"parameter 'wards': {problem}; give it as JSON: {FORM}"
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
+        read("wards", Parameter(list_of(WARD), [ICU], ""), given)
+
+
+@pytest.mark.parametrize("kind", [ANY, list_of(list_of(TEXT))])
 def test_some_types_cannot_be_ros_parameters(kind: Any) -> None:
     with pytest.raises(PluginError, match="'p'"):
         ros_type("p", kind)

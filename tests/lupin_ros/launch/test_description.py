@@ -159,8 +159,9 @@ def test_parameters_reach_their_node(tmp_path: Path) -> None:
 
 
 def test_values_keep_their_type_in_the_file() -> None:
-    """Numbers as numbers, text quoted, a pose as the list of its fields."""
+    """Numbers as numbers, text quoted, a pose as the list of its fields, other records as JSON."""
     values = {"a": 60.0, "b": "60", "c": True, "d": {"x": 1.0, "y": 2.0, "yaw": 0.0}, "e": 3}
+    values |= {"f": {"n": 1}, "g": [[{"x": 1.0}]], "h": []}
     assert parameter_file("n", values).splitlines() == [
         "n:",
         "  ros__parameters:",
@@ -169,6 +170,9 @@ def test_values_keep_their_type_in_the_file() -> None:
         "    c: true",
         "    d: [1.0, 2.0, 0.0]",
         "    e: 3",
+        r'''    f: "{\"n\": 1}"''',
+        r'''    g: "[[{\"x\": 1.0}]]"''',
+        "    h: []",
     ]
 
 

@@ -42,7 +42,7 @@ from lupin_msgs.srv import (
     SetArmPreset,
     StartMission,
 )
-from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.node import GoalCallbacks, Qos
 from tests.lupin_ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
@@ -530,10 +530,10 @@ def _send(greenhouse: Greenhouse, kind: Any, name: str, goal: Any) -> str:
     ends: list[str] = []
     action.send(
         goal,
-        accepted=lambda: None,
-        feedback=lambda _: None,
-        ended=lambda status, _: ends.append("succeeded" if status == 4 else f"ended as {status}"),
-        rejected=lambda: ends.append("rejected"),
+        GoalCallbacks(
+            ended=lambda status, _: ends.append("succeeded" if status == 4 else f"ended as {status}"),
+            rejected=lambda: ends.append("rejected"),
+        ),
     )
     greenhouse.until(lambda: ends, f"the end of a goal of {name}")
     return ends[0]

@@ -189,6 +189,35 @@ def test_a_broken_file_changes_nothing_and_is_told(world: World, desk: Desk, mis
     assert problem in world.log("mission_orchestrator").read_text(encoding="utf-8")
 
 
+def test_a_project_uses_the_shipped_lifecycle_by_its_name(world: World, desk: Desk, missions: Path) -> None:
+    """What it overrides is run, and taken over when it changes; an override of a hold is refused."""
+    extending = "lifecycle: ward-robot\nextends: greenhouse-robot\n"
+    added = """\
+states:
+  MISSION: {on_done: DISINFECTING}
+  DISINFECTING:
+    on: {mission.start: {refuse: mission_running}}
+    after: {500 ms: RETURNING}
+"""
+    lifecycle = missions / "lifecycle.yaml"
+    lifecycle.write_text(extending + added)
+    start_all(world, missions)
+    desk.in_state("READY")
+    assert desk.start("1").accepted
+    desk.until_done(published=1)
+    phases = [name.partition("/")[0] for name in desk.seen()]
+    assert list(dict.fromkeys(phases))[-4:] == ["INSPECTING", "DISINFECTING", "RETURNING", "DONE"]
+    lifecycle.write_text(f"{extending}holds: {{pause: {{code: battery_low}}}}\n{added}")
+    problem = desk.problem()
+    assert problem.startswith(f"{lifecycle}:3:9: error: holds.pause: the hold 'pause' of greenhouse-robot, ")
+    lifecycle.write_text(extending)
+    desk.until(lambda: not desk.offers[-1]["problems"], "the lifecycle is right again")
+    seen = len(desk.states)
+    assert desk.start("1").accepted
+    desk.until_done(published=2)
+    assert "DISINFECTING" not in {state.lifecycle_state for state in desk.states[seen:]}
+
+
 def test_a_binding_is_held_against_the_definition(world: World, desk: Desk, missions: Path) -> None:
     """What the service does not have is found when the file is read, not when the robot stands there."""
     start_all(world, missions)

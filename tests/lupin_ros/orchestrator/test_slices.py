@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from unittest.mock import Mock
 
+import pytest
+
 from lupin_ros.adapter.host import SLICE, Slices
 
 
@@ -69,3 +71,14 @@ def test_the_end_waits_for_no_turn() -> None:
         slices.add(partial(done.append, number))
     slices.finish()
     assert done == list(range(2 * SLICE))
+
+
+def test_the_end_makes_the_calls_behind_one_that_fails() -> None:
+    """There will be no other turn; the first failure is passed on when all are made."""
+    made: list[str] = []
+    slices = Slices(Mock())
+    slices.add_each([*[lambda: None] * SLICE, lambda: 1 // 0, lambda: made.append("behind it")])
+    with pytest.raises(ZeroDivisionError):
+        slices.finish()
+    assert made == ["behind it"]
+    assert slices.is_done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
+from lupin_engine import __version__
 from lupin_engine.plugin.discovery import EntryPoint
 from lupin_greenhouse.profile import HASHES
 from lupin_ros.adapter import environment
@@ -279,3 +281,55 @@ def test_the_table_ends_with_a_verdict(
     monkeypatch.setattr("lupin_ros.launch.health.examine", lambda: [Finding("a", "b", "problem", "do")])
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 problem to mend before missions can be run"
+
+
+def test_a_lifecycle_that_has_aged_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A copy by what it says of its origin, or by its name; one that extends the shipped one does not age."""
+    monkeypatch.chdir(tmp_path)
+    lifecycle = tmp_path / "missions" / "lifecycle.yaml"
+    assert list(health.look_at_lifecycle()) == []
+    assert main(["new", "patrol"]) == 0
+    (found,) = health.look_at_lifecycle()
+    assert (found.state, found.advice) == ("ok", "")
+    shipped = f"greenhouse-robot, which engine {__version__} ships"
+    assert found.found == f"missions/lifecycle.yaml extends {shipped}"
+
+    carried = tmp_path / "missions" / "extends" / "greenhouse-robot.yaml"
+    carried.parent.mkdir()
+    carried.write_text("lifecycle: greenhouse-robot\n", encoding="utf-8")
+    (found,) = health.look_at_lifecycle()
+    assert (found.state, found.found) == (
+        "note",
+        f"missions/lifecycle.yaml extends {carried.relative_to(tmp_path)}",
+    )
+    carried.unlink()
+
+    lifecycle.unlink()
+    (tmp_path / "missions" / "patrol.yaml").unlink()
+    (tmp_path / "scenarios" / "patrol.scenario.yaml").unlink()
+    assert main(["new", "patrol", "--copy"]) == 0
+    (found,) = health.look_at_lifecycle()
+    copy = f"missions/lifecycle.yaml is a copy of greenhouse-robot of engine {__version__}"
+    assert (found.state, found.found) == ("ok", f"{copy}, which has not changed since")
+
+    text = lifecycle.read_text(encoding="utf-8")
+    lifecycle.write_text(re.sub(r"sha256: .*}", "sha256: 12ab}", text), encoding="utf-8")
+    (found,) = health.look_at_lifecycle()
+    assert (found.state, found.found) == ("note", f"{copy}, which has changed since")
+    assert found.advice == (
+        "write `extends: NAME` and only what differs: `lupin new NAME` in an empty folder shows how"
+    )
+
+    lifecycle.write_text(re.sub(r"origin: .*\n", "# old\n", text), encoding="utf-8")
+    (found,) = health.look_at_lifecycle()
+    differs = f"missions/lifecycle.yaml differs from the greenhouse-robot that engine {__version__} ships"
+    assert (found.state, found.found) == ("note", differs)
+
+    for odd in (
+        "lifecycle: [",
+        "lifecycle: [a]",
+        "lifecycle: a\nextends: [b]",
+        "lifecycle: a\norigin: {lifecycle: {}}",
+    ):
+        lifecycle.write_text(f"{odd}\n", encoding="utf-8")
+        assert list(health.look_at_lifecycle()) == []

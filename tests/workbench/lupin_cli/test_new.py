@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
 
 from lupin_cli.main import main
+from lupin_engine import __version__
 from lupin_engine.chart.source import head
 from lupin_engine.missions.folders import default_missions_folder
 
 #: What every author's folder begins with.
 BEGINNING = ["missions/inspection.yaml", "missions/lifecycle.yaml", "scenarios/inspection.scenario.yaml"]
+
+#: The lifecycle that a folder begins with.
+EXTENDING = """\
+lifecycle: my-robot
+extends: greenhouse-robot
+# Write only what differs here; lupin check --expand prints the whole. For example:
+# params: {PARAMETER: {default: 90 s}}             # one key of one parameter, and all others stay
+# states: {STATE: {on: {EVENT: OTHER_STATE}}}      # one transition, or a state of your own
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -27,17 +38,88 @@ def files(folder: Path) -> list[str]:
 
 
 def test_it_begins_a_mission_in_an_empty_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The lifecycle is the shipped one; the output says what was written and what to type next."""
+    """The lifecycle extends the shipped one; the output says what was written and what to type next."""
     assert main(["new", "inspection"]) == 0
     assert files(folder) == BEGINNING
-    shipped = default_missions_folder() / "lifecycle.yaml"
-    assert (folder / "missions" / "lifecycle.yaml").read_text() == shipped.read_text()
+    assert (folder / "missions" / "lifecycle.yaml").read_text() == EXTENDING
     *written, following = capsys.readouterr().out.splitlines()
     assert sorted(written) == [f"wrote {file}" for file in BEGINNING]
     assert (
         following
         == "next: lupin check missions; lupin simulate inspection; lupin test; lupin prove inspection"
     )
+
+
+def test_what_its_lifecycle_suggests_is_right(folder: Path) -> None:
+    """Each comment can be made a line."""
+    assert main(["new", "round_trip"]) == 0
+    lifecycle = folder / "missions" / "lifecycle.yaml"
+    text = EXTENDING.replace("# params", "params").replace("# states", "states")
+    text = text.replace("PARAMETER", "dock_timeout_s").replace("OTHER_STATE", "DONE")
+    lifecycle.write_text(text.replace("STATE", "RETURNING").replace("EVENT", "operator.skip_current"))
+    assert main(["check", "--strict", "missions"]) == 0
+    assert main(["simulate", "round_trip"]) == 0
+    assert main(["test"]) == 0
+
+
+@pytest.mark.slow
+def test_a_defect_in_an_override_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By a property that it inherits: a resume that does not look at the battery any more."""
+    assert main(["new", "round_trip"]) == 0
+    lifecycle = folder / "missions" / "lifecycle.yaml"
+    resume = "operator.resume: {target: MISSION.history, do: {set: {reason: done}}}"
+    lifecycle.write_text(f"{EXTENDING}states: {{RETURNING: {{states: {{DOCKED: {{on: {{{resume}}}}}}}}}}}\n")
+    assert main(["check", "--strict", "missions"]) == 0
+    assert main(["prove", "round_trip", "--no-restarts"]) == 1
+    said = capsys.readouterr().out
+    assert "✗ low_battery_sets_off_nowhere: With a low battery no mission is started, and none goes" in said
+    assert said.count("✗ ") == 2  # once more in the story
+
+
+def test_a_copy_says_what_it_is_of(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By name, version and digest; it is the shipped one else."""
+    assert main(["new", "round_trip", "--copy"]) == 0
+    text = (folder / "missions" / "lifecycle.yaml").read_text(encoding="utf-8")
+    first, origin, *rest = text.splitlines(keepends=True)
+    shipped = (default_missions_folder() / "lifecycle.yaml").read_bytes()
+    digest = hashlib.sha256(shipped).hexdigest()[:16]
+    said = f"origin: {{lifecycle: greenhouse-robot, version: {__version__}, sha256: {digest}}}\n"
+    assert origin.replace('"', "") == said
+    assert first + "".join(rest) == shipped.decode()
+    assert main(["check", "--strict", "missions"]) == 0
+
+
+def test_a_lifecycle_of_ones_own_is_copied_as_it_is(folder: Path) -> None:
+    """With the mission that stands in it, and what it overrides."""
+    other = folder / "other"
+    other.mkdir()
+    own = "lifecycle: ward\nextends: greenhouse-robot\nparams: {dock_timeout_s: {default: 90 s}}\n"
+    (other / "lifecycle.yaml").write_text(own)
+    (other / "alone.yaml").write_text("mission: Alone\nstates: {done: {type: final}}\n")
+    assert main(["new", "a", "--like", "other/alone.yaml"]) == 0
+    assert (folder / "missions" / "lifecycle.yaml").read_text() == own
+
+
+def test_the_lifecycle_is_printed_and_drawn_as_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As it is with what it extends; only one, and none with an error."""
+    assert main(["new", "round_trip"]) == 0
+    lifecycle = folder / "missions" / "lifecycle.yaml"
+    skip = "states: {RETURNING: {on: {operator.skip_current: DONE}}}"
+    lifecycle.write_text(f"{EXTENDING}params: {{dock_timeout_s: {{default: 90 s}}}}\n{skip}\n")
+    capsys.readouterr()
+    assert main(["check", "--expand"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("lifecycle: my-robot\nprofile: greenhouse\n")
+    assert "  dock_timeout_s: {type: duration, default: 90 s, min: 1 s, summary: longest drive home" in text
+    assert main(["diagram", "round_trip"]) == 0
+    drawn = capsys.readouterr().out
+    assert "DRIVING_HOME" in drawn
+    assert "skip_current" in drawn
+    assert main(["check", "--expand", "missions", str(default_missions_folder())]) == 2
+    assert capsys.readouterr().err.startswith("lupin: --expand prints one lifecycle, not missions/")
+    lifecycle.write_text(f"{EXTENDING}holds: {{pause: {{code: battery_low}}}}\n")
+    assert main(["check", "--expand"]) == 1
+    assert "missions/lifecycle.yaml:6:9: error: holds.pause: the hold 'pause'" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -146,8 +228,7 @@ def test_like_a_mission_that_stands_alone(folder: Path) -> None:
     """It is in the shipped lifecycle, and so is the copy."""
     (folder / "alone.yaml").write_text("mission: Alone\nstates: {done: {type: final}}\n")
     assert main(["new", "a", "--like", "alone.yaml"]) == 0
-    lifecycle = (folder / "missions" / "lifecycle.yaml").read_text(encoding="utf-8")
-    assert lifecycle == (default_missions_folder() / "lifecycle.yaml").read_text(encoding="utf-8")
+    assert (folder / "missions" / "lifecycle.yaml").read_text(encoding="utf-8") == EXTENDING
     assert main(["check", "missions"]) == 0
 
 

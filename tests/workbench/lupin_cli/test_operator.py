@@ -71,6 +71,12 @@ def test_a_field_is_given_with_its_unit() -> None:
         "patience": "90 s",
         "pauses": ["1 s", "2 s"],
     }
+    door = {"type": "length", "kind": "number", "unit": "m"}
+    fields = {"id": {"type": "text", "kind": "text"}, "door": door}
+    declared.append({"name": "wards", "type": "list of ward", "kind": "record", "fields": fields})
+    assert _asked({}, ["wards=[{id: icu, door: 1 m}]"], declared) == {"wards": [{"id": "icu", "door": "1 m"}]}
+    with pytest.raises(UsageError, match=r"^--request: wards\[0\]\.door: 1 has no unit; write '1 m'$"):
+        _asked({}, ["wards=[{id: icu, door: 1}]"], declared)
     with pytest.raises(UsageError) as refused:
         _asked({}, ["patience=90", "pauses=1 s,2", "to"], declared)
     assert str(refused.value).splitlines() == [

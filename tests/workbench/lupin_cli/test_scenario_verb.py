@@ -109,9 +109,31 @@ def test_coverage_of_a_mission_of_ones_own_leaves_the_shipped_lifecycle_out(tmp_
     lifecycle = (default_missions_folder() / LIFECYCLE).read_text(encoding="utf-8")
     (file.parent / LIFECYCLE).write_text(lifecycle)
     assert typed(tmp_path, "--min-coverage", 100).return_value == 0
+    origin = "origin: {lifecycle: greenhouse-robot, version: 0.1.0, sha256: 12d68d75c5f06360}\n"
+    (file.parent / LIFECYCLE).write_text(lifecycle.replace("\n", f"\n{origin}", 1))
+    assert typed(tmp_path, "--min-coverage", 100).return_value == 0
     (file.parent / LIFECYCLE).write_text(lifecycle + "# and a word of our own\n")
     told = typed(tmp_path, "--coverage").output
     assert "lifecycle: transitions that were not reached" in told.splitlines()
+
+
+def test_coverage_of_an_extended_lifecycle_is_of_what_stands_in_it(tmp_path: Path) -> None:
+    """What is inherited is tested where it is written."""
+    file = tmp_path / "missions" / "wait.yaml"
+    file.parent.mkdir()
+    file.write_text(WAIT)
+    (tmp_path / "x.scenario.yaml").write_text("scenario: x\nmission: wait\nexpect: {final: DONE}\n")
+    own = "lifecycle: a\nextends: greenhouse-robot\n"
+    (file.parent / LIFECYCLE).write_text(own)
+    assert typed(tmp_path, "--min-coverage", 100).return_value == 0
+    (file.parent / LIFECYCLE).write_text(
+        f"{own}states: {{RETURNING: {{on: {{operator.skip_current: DONE}}}}}}\n"
+    )
+    told = typed(tmp_path, "--coverage").output
+    assert "lifecycle: transitions that were not reached" in told.splitlines()
+    assert [line for line in told.splitlines() if "operator." in line] == [
+        f"  {tmp_path}/missions/lifecycle.yaml:3:50: RETURNING: operator.skip_current -> DONE"
+    ]
 
 
 def test_coverage_can_be_looked_at(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_number_says_its_unit_as_in_a_file() -> None:
     _, problems = settings_in("--set", ["timeout_s=90", "share=0.3", "dock=[1, 2 m, 0 rad]"], DECLARED)
     assert problems == [
         "--set: parameter 'timeout_s': 90 has no unit; write '90 s'",
-        "--set: parameter 'dock': 1 has no unit; write '1 m'",
+        "--set: parameter 'dock': x: 1 has no unit; write '1 m'",
     ]
 
 

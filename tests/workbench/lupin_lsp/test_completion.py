@@ -58,9 +58,22 @@ CASES = {
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
-        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 25,
+        ["summary", "type", "depth", "initial", "states", "sequence", "times", "entry", "exit", "on_error",
+         "on"], 27,
     ),
-    "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
+    "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["lupin", "types", "inputs"], 0),
+    "fields of an element by its number": (
+        PART, "guard: itinerary.open              #",
+        "guard: request.tag_sequence[0].| #",
+        [f"request.tag_sequence[0].{name}" for name in ("id", "x", "y")], 3,
+    ),
+    "keys of a field of a record": (
+        INSPECTION, "initial: PREPARE", "types: {ward: {door: {|}}}\ninitial: PREPARE",
+        ["type", "unit", "min", "max"], 4,
+    ),
+    "the type of a field of a record": (
+        INSPECTION, "initial: PREPARE", "types: {ward: {id: |}}\ninitial: PREPARE", ["bool", "text"], 0,
+    ),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),
     "arguments of an operation": (INSPECTION, "with: {max_variance:", "with: {|", ["max_variance"], 1),
     "arguments that are left": (PART, "{pose: ", "{|, pose: ", [], 0),

@@ -59,6 +59,7 @@ SHORT: dict[str, list[Any]] = {
     "OutcomeNode": ["done", "never"],
     "PassNode": ["DONE"],
     "RaiseNode": [],
+    "RecordFieldNode": ["text", "list of pose"],
     "RefusedNode": ["not_localized"],
     "RequestNode": ["operator.dock", {"operator.dock": {"field": 1}}, {"operator.dock": None}],
     "RestartNode": ["5 s"],

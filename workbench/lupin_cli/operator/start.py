@@ -18,7 +18,6 @@ from lupin_engine.plugin import (
     Fault,
     Type,
     given_fields,
-    list_of,
     parse_type,
 )
 
@@ -62,16 +61,17 @@ def _asked(
     """
     from lupin_cli.requests import fields_in, given_twice
 
-    fields, wrong = fields_in(given, {one["name"]: _type(one["type"]) for one in declared}, {Fault.NO_UNIT})
+    fields, wrong = fields_in(given, {one["name"]: _type(one) for one in declared}, {Fault.NO_UNIT})
     wrong += given_twice(options_, fields)
     if wrong:
         raise UsageError("\n".join(wrong))
     return {**options_, **fields}
 
 
-def _type(name: str) -> Type:
-    """Return the type of that name; values of a plugin's type are written as names of things."""
-    try:
-        return parse_type(name, BUILTIN_TYPES)
-    except ValueError:
-        return list_of(TEXT) if " of " in name else TEXT
+def _type(published: Mapping[str, Any]) -> Type:
+    """Return a published type; values of a plugin's type are written as names of things."""
+    kind, name = published.get("kind", "name"), published["type"].rpartition(" of ")[2]
+    fields = {each: _type(inner) for each, inner in published.get("fields", {}).items()}
+    of = Type(kind, name, unit=published.get("unit", ""), fields=fields)
+    known = {name: TEXT if kind in ("name", "list") else of, **BUILTIN_TYPES}
+    return parse_type(published["type"], known)

@@ -33,7 +33,7 @@ _INDENT = 11
 @click.argument("about", nargs=-1)
 @click.option("--at", metavar="TIME", help="A moment instead: '03:12', or '2026-11-23 03:12:07'.")
 @click.option("--in", "mission_id", metavar="MISSION_ID", default="", help="Default: the newest mission.")
-@click.option("--depth", type=click.IntRange(min=1), default=5, help="How many causes are told.")
+@click.option("--depth", type=click.IntRange(min=1), default=5, help="Most causes that are shown.")
 @click.option(
     "--timeline", "picture", metavar="FILE", help="Draw the run over time into FILE.svg or FILE.png."
 )

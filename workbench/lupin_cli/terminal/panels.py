@@ -72,7 +72,7 @@ def _leads_to(chart: Chart, rule: str) -> str:
         where = f"refused as {transition.refuse}"
     elif transition.target:
         where = f"-> {short_name(chart, transition.target)}"
-    return f"{where} ({transition.place.file.rpartition('/')[2]}:{transition.place.line})"
+    return f"{where} ({chart.file_of(transition.place)}:{transition.place.line})"
 
 
 def _transitions(chart: Chart) -> Iterator[Transition]:

@@ -34,7 +34,7 @@ from lupin_engine.plugin import load_catalog
     help="Default: the mission's name, in the current folder.",
 )
 def bundle(mission: str, key: Path | None, version: str, name: str, output: Path | None) -> int:
-    """Put a mission with all its files into one: lifecycle, parts, bindings, and a signature of them.
+    """Put a mission with all its files into one: lifecycles, parts, bindings, and a signature of them.
 
     Wherever a mission is named, its bundle can be named instead. An orchestrator with the parameter
     require_signed takes nothing but bundles that were signed with a key that it knows. Keys are made with

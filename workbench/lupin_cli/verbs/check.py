@@ -38,6 +38,7 @@ _BESIDE = {"part": "parts", "binding": "bindings"}
     metavar="DURATION",
     help="Explore every way that the missions can go, too, for at most this time, such as '60 s'.",
 )
+@click.option("--expand", is_flag=True, help="Print the lifecycle as one file, with what it extends.")
 @click.option(
     "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
 )
@@ -49,6 +50,7 @@ def check(
     strict: bool,
     watch: bool,
     budget: str | None,
+    expand: bool,
     explain: str | None,
 ) -> int:
     """Check missions and report all mistakes in them.
@@ -68,6 +70,8 @@ def check(
 
         click.echo(rule_text(explain), color=wants_colour())
         return 0
+    if expand:
+        return print_expanded(paths)
     forms = [
         form for form, wanted in (("json", as_json), ("sarif", as_sarif), ("github", as_github)) if wanted
     ]
@@ -123,6 +127,23 @@ def check_paths(
     if text:
         click.echo(text, color=wants_colour())
     return checked.exit_code(strict)
+
+
+def print_expanded(paths: Sequence[str | Path]) -> int:
+    """Print the lifecycle of `paths` as one file, without comments.
+
+    Raises:
+        UsageError: a path does not exist, or they have several lifecycles.
+        ChartError: the lifecycle cannot be read, or an override in it is wrong.
+    """
+    from lupin_engine.missions import expanded, mission_folders
+    from lupin_engine.replay import yaml_text
+
+    lifecycles = dict.fromkeys(_meant_by(str(path))[0] for path in paths or mission_folders()[:1])
+    if len(lifecycles) > 1:
+        raise UsageError(f"--expand prints one lifecycle, not {', '.join(map(str, lifecycles))}")
+    click.echo(yaml_text(expanded(*lifecycles)), nl=False)
+    return 0
 
 
 def watch_paths(

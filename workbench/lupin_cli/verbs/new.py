@@ -6,14 +6,14 @@ Files that exist are left as they are; an existing mission is an error.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import click
 
 from lupin_cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.plugin import NAME, load_catalog
+from lupin_engine.plugin import NAME, PROFILES, entry_points, load_catalog, source_file
 from lupin_engine.sim import SUFFIX
 
 MISSION = """\
@@ -39,6 +39,14 @@ expect:
   never: [FAULT]
 """
 
+LIFECYCLE = """\
+lifecycle: my-robot
+extends: {name}
+# Write only what differs here; lupin check --expand prints the whole. For example:
+# params: {{PARAMETER: {{default: 90 s}}}}             # one key of one parameter, and all others stay
+# states: {{STATE: {{on: {{EVENT: OTHER_STATE}}}}}}      # one transition, or a state of your own
+"""
+
 #: The scenario of a mission that is copied from another one.
 SCENARIO_LIKE = """\
 scenario: the mission runs to its end
@@ -47,21 +55,48 @@ expect:
   never: [FAULT]
 """
 
+#: What `--profile` writes beside the mission and its scenario: a package with the profile, and a lifecycle.
+PROFILE_TEMPLATE = Path(__file__).parents[1] / "profile_template"
+PROFILE_FILES = {
+    "lupin-%name%/pyproject.toml": "pyproject.toml.txt",
+    "lupin-%name%/lupin_%name%/__init__.py": "package/__init__.py.txt",
+    "lupin-%name%/lupin_%name%/profile.py": "package/profile.py.txt",
+    "lupin-%name%/lupin_%name%/messages.py": "package/messages.py.txt",
+    "missions/lifecycle.yaml": "lifecycle.yaml.txt",
+    "missions/%mission%.yaml": "mission.yaml.txt",
+    "scenarios/%mission%.scenario.yaml": "scenario.yaml.txt",
+}
+
 
 @click.command(short_help="Begin a mission: its file, the lifecycle around it, a scenario.")
 @click.argument("name")
 @click.option("--like", metavar="MISSION", help="Begin with a copy of this mission, and the parts it uses.")
-def new(name: str, like: str | None) -> int:
+@click.option("--copy", is_flag=True, help="Write the whole lifecycle: a copy, which ages.")
+@click.option(
+    "--profile", metavar="KIND", help="Begin a kind of robot too: its words, messages and lifecycle."
+)
+def new(name: str, like: str | None, copy: bool, profile: str | None) -> int:
     """Begin a mission: its file, the lifecycle around it, a scenario.
 
     NAME is that of the file, such as water_beds. In the current folder this writes
-    missions/NAME.yaml and scenarios/NAME.scenario.yaml. Where there is no missions/lifecycle.yaml it copies
-    the shipped one, which is written for the profile that it names. An existing mission is an error; other
-    existing files are left as they are.
+    missions/NAME.yaml and scenarios/NAME.scenario.yaml. Where there is no missions/lifecycle.yaml it writes
+    one that extends the shipped one, which is written for the profile that it names; with --copy it copies
+    that, and the copy says of which version it is. An existing mission is an error; other existing files are
+    left as they are.
+
+    With --profile, the lifecycle is one of your own, for another kind of robot: the package lupin-KIND has
+    its outcomes, requests and messages. Then no file that is written may exist.
 
     Example: lupin new my_inspection --like inspection
     """
-    written, kept = write_mission(name, like, Path())
+    if profile is not None:
+        if like is not None or copy:
+            raise UsageError("--profile excludes --like and --copy: it comes with a lifecycle of its own")
+        for file in write_profile(name, profile, Path()):
+            click.echo(f"wrote {file}")
+        click.echo(f"next: pip install --editable lupin-{profile}; lupin check; lupin test; lupin run {name}")
+        return 0
+    written, kept = write_mission(name, like, Path(), copy=copy)
     for file in written:
         click.echo(f"wrote {file}")
     for file in kept:
@@ -71,11 +106,18 @@ def new(name: str, like: str | None) -> int:
 
 
 def write_mission(
-    name: str, like: str | None, folder: Path, text: str | None = None, binding: str = ""
+    name: str,
+    like: str | None,
+    folder: Path,
+    text: str | None = None,
+    binding: str = "",
+    *,
+    copy: bool = False,
 ) -> tuple[list[Path], list[Path]]:
     """Write the files of a mission below `folder`; a given `text` is the mission, without a scenario.
 
-    A `binding` is written beside it under the same name.
+    A `binding` is written beside it under the same name. The shipped lifecycle is extended, or on request
+    copied.
 
     Returns:
         The files that were written, and those that existed already.
@@ -107,11 +149,10 @@ def write_mission(
         source, lifecycle = file.parent, folders.lifecycle_of(file)
         own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), file.stem, name)
         others += parts
-    origins = {
-        missions / folders.LIFECYCLE: lifecycle,
-        **{missions / other: source / other for other in others},
+    shared = {
+        missions / folders.LIFECYCLE: _lifecycle(lifecycle, copy=copy),
+        **{missions / other: (source / other).read_text(encoding="utf-8") for other in others},
     }
-    shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
     if binding:
         shared[missions / BINDINGS / f"{name}.yaml"] = binding
         shared[folder / LUPIN_FILE] = f"allow:\n  subscribe: /{name}/*\n"
@@ -120,6 +161,65 @@ def write_mission(
     for file, text in written.items():
         write_text(file, text)
     return list(written), kept
+
+
+def write_profile(name: str, profile: str, folder: Path) -> list[Path]:
+    """Write a mission with a profile and a lifecycle of its own below `folder`, and return the files.
+
+    Raises:
+        UsageError: a name cannot be one, or is taken; a file exists. The text has all of that.
+    """
+    words = {"%name%": profile, "%mission%": name, "%Title%": title_of(name)}
+    texts = {
+        folder / _filled(file, words): _filled((PROFILE_TEMPLATE / source).read_text(encoding="utf-8"), words)
+        for file, source in PROFILE_FILES.items()
+    }
+    problems = Problems(UsageError)
+    with problems.collecting():
+        _check_name(name, ())
+    with problems.collecting():
+        _check_profile(profile)
+    problems.add(*(f"{str(file)!r} exists; begin in another folder" for file in texts if file.exists()))
+    problems.raise_any()
+    for file, text in texts.items():
+        write_text(file, text)
+    return list(texts)
+
+
+def _filled(text: str, words: Mapping[str, str]) -> str:
+    for placeholder, word in words.items():
+        text = text.replace(placeholder, word)
+    return text
+
+
+def _check_profile(profile: str) -> None:
+    """Check that a profile can have this name, and that none has it."""
+    if not NAME.fullmatch(profile):
+        wanted = "lower-case letters, digits and underscores, such as courier"
+        raise UsageError(
+            f"{profile!r} cannot be the name of a profile: write {wanted}{nearest_name(profile)}"
+        )
+    taken = {point.name: point for point in entry_points(PROFILES)}
+    if profile in taken:
+        whose = taken[profile].distribution
+        raise UsageError(f"there is a profile {profile!r} already, from {whose}; choose another name")
+    if source_file(f"lupin_{profile}") is not None:
+        raise UsageError(f"there is a package lupin_{profile} already; choose another name for the profile")
+
+
+def _lifecycle(file: Path, *, copy: bool) -> str:
+    """Return the lifecycle of a new folder: one that extends a shipped one, or a copy of it or of another."""
+    from lupin_engine.missions import folders
+    from lupin_engine.replay import yaml_text
+
+    text = file.read_text(encoding="utf-8")
+    if file not in folders.shipped_lifecycles().values():
+        return text
+    origin = folders.origin_of(file)
+    if not copy:
+        return LIFECYCLE.format(name=origin["lifecycle"])
+    first, line, rest = text.partition("\n")
+    return first + line + yaml_text({"origin": origin}) + rest
 
 
 def _check_name(name: str, files: Iterable[Path]) -> None:

@@ -187,7 +187,8 @@ class Relevance:
 
     def _traversal(self, _: str, value: Traversal) -> Hashable:
         sweep = value.sweep if value.sweeps > 0 else min(value.sweep, self.most_sweeps)
-        closed = tuple((visit.target, visit.closed) for visit in value.visits)
+        again = value.again
+        closed = tuple((visit.target, visit.closed, visit.status in again) for visit in value.visits)
         items = tuple(map(frozen, value.items))
         return items, closed, value.index, sweep, value.sweeps, value.leaves_open, value.begun
 

@@ -2,7 +2,7 @@
 import { effect, signal } from "@preact/signals";
 import type { Texts } from "../../texts/en";
 import { picked, picking } from "./picking";
-import type { FieldRecord, OfferedMission } from "../../records";
+import type { FieldRecord, OfferedMission, TypeRecord } from "../../records";
 
 type Draft = Readonly<Record<string, string>>;
 
@@ -27,7 +27,7 @@ effect(() => {
   if (elements(before).join() !== found.join()) fill(at.mission, at.field, found.join(", "));
 });
 
-export const isList = (field: FieldRecord): boolean => / of /.test(field.type);
+export const isList = (field: TypeRecord): boolean => / of /.test(field.type);
 
 /** The elements of a list, as they are written between commas. */
 export function elements(text: string): readonly string[] {
@@ -42,7 +42,7 @@ export function meaningOf(field: FieldRecord, text: string, wrong: Texts["contro
   const written = text.trim();
   if (!written) return field.required ? { problem: wrong.missing } : undefined;
   if (!isList(field)) return oneOf(field, written, wrong);
-  if (field.kind === "record" || field.kind === "any" || field.kind === "list") return jsonOf(written, wrong);
+  if (field.kind === "record" || field.kind === "any" || field.kind === "list") return jsonOf(field, written, wrong);
   const found = elements(written);
   if (!found.length && field.may_be_empty === false) return { problem: wrong.empty };
   if (field.at_most !== undefined && found.length > field.at_most) return { problem: wrong.many(`${field.at_most}`) };
@@ -55,7 +55,7 @@ function oneOf(field: FieldRecord, text: string, wrong: Texts["control"]["wrong"
   if (field.allowed && !field.allowed.includes(text)) return { problem: wrong.allowed(field.allowed.join(", ")) };
   if (field.kind === "bool") return { value: text === "true" };
   if (field.kind === "integer" || field.kind === "number") return numberOf(field, text, wrong);
-  if (field.kind === "record" || field.kind === "any") return jsonOf(text, wrong);
+  if (field.kind === "record" || field.kind === "any") return jsonOf(field, text, wrong);
   if (field.pattern && !new RegExp(`^(?:${field.pattern})$`).test(text)) return { problem: wrong.pattern(field.example ?? "") };
   return { value: text };
 }
@@ -71,12 +71,40 @@ function numberOf(field: FieldRecord, text: string, wrong: Texts["control"]["wro
   return { value };
 }
 
-function jsonOf(text: string, wrong: Texts["control"]["wrong"]): Meaning {
+function jsonOf(field: TypeRecord, text: string, wrong: Texts["control"]["wrong"]): Meaning {
   try {
-    return { value: JSON.parse(text) };
+    const value: unknown = JSON.parse(text);
+    const problem = misfit(field, value, wrong);
+    return problem ? { problem } : { value };
   } catch {
-    return { problem: wrong.json };
+    return { problem: wrong.json(formOf(field)) };
   }
+}
+
+/** How a value of a type is written as JSON: names, and the types or units of what they stand for. */
+export function formOf(type: TypeRecord): string {
+  const fields = Object.entries(type.fields ?? {}).map(([name, each]) => `"${name}": ${formOf(each)}`);
+  const one = type.fields ? `{${fields.join(", ")}}` : (type.unit ?? type.type.replace(/.* of /, ""));
+  return isList(type) ? `[${one}, …]` : one;
+}
+
+/** What is wrong with the fields of a record, or of those in a list; what they hold is judged by the engine. */
+function misfit(type: TypeRecord, value: unknown, wrong: Texts["control"]["wrong"]): string {
+  if (!type.fields) return "";
+  const form = wrong.json(formOf(type));
+  if (isList(type)) {
+    const { at_most: _, type: name, ...rest } = type;
+    const item: TypeRecord = { ...rest, type: name.replace(/.*? of /, "") };
+    return Array.isArray(value) ? (value.map((each) => misfit(item, each, wrong)).find(Boolean) ?? "") : form;
+  }
+  if (typeof value !== "object" || value === null || Array.isArray(value)) return form;
+  const given = new Map(Object.entries(value));
+  const names = Object.keys(type.fields);
+  const other = [...given.keys()].find((name) => !names.includes(name));
+  if (other !== undefined) return wrong.field(other, names.join(", "));
+  const missing = names.filter((name) => !given.has(name));
+  if (missing.length) return wrong.lacks(missing.join(", "));
+  return names.map((name) => misfit(type.fields?.[name] ?? type, given.get(name), wrong)).find(Boolean) ?? "";
 }
 
 /** What a mission would be asked for, and what is wrong by field. */

@@ -5,7 +5,7 @@ import { missions, possible } from "../../model/mission/mission";
 import { open, texts } from "../../model/page";
 import { verbText } from "../../model/mission/permission";
 import { endPicking, picked, picking, startPicking, toggle } from "../../model/mission/picking";
-import { draftOf, elements, fill, isList, meaningOf, requestOf, written } from "../../model/mission/requestForm";
+import { draftOf, elements, fill, formOf, isList, meaningOf, requestOf, written } from "../../model/mission/requestForm";
 import { number } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";
@@ -189,7 +189,7 @@ function about(field: FieldRecord): string {
         : high !== undefined
           ? t.atMost(`${high}`)
           : "";
-  const list = isList(field) ? t.separated : "";
+  const list = field.fields ? formOf(field) : isList(field) ? t.separated : "";
   const standard = field.required ? "" : t.default(defaultText(field));
   return [field.summary, field.type, range, list, field.example, standard].filter(Boolean).join(" · ");
 }
@@ -197,6 +197,7 @@ function about(field: FieldRecord): string {
 function defaultText(field: FieldRecord): string {
   const t = texts.value.control;
   if (field.default === undefined || field.default === null) return t.defaultNow;
+  if (field.fields) return JSON.stringify(field.default);
   if (!Array.isArray(field.default)) return written(field.default);
   const shown = field.default.slice(0, SHOWN_ELEMENTS).map(written).join(", ");
   const rest = field.default.length - SHOWN_ELEMENTS;

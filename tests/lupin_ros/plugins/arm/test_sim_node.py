@@ -23,7 +23,7 @@ from lupin_arm.node.sim import PARAMETERS, ArmSimNode
 from lupin_arm.presets import PRESETS
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.wire import time_fields
-from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.node import GoalCallbacks, Qos
 from tests.lupin_ros.helpers import work_off
 from tests.lupin_ros.plugins.arm.scene import TRAJECTORIES, Bystander, MakeNode
 
@@ -66,10 +66,10 @@ class Bench(Bystander):
         goal.command.position = angle
         return self.gripper.send(
             goal,
-            accepted=lambda: None,
-            feedback=lambda _: None,
-            ended=lambda status, result: self.ended.append((status, result)),
-            rejected=lambda: self.ended.append((0, None)),
+            GoalCallbacks(
+                ended=lambda status, result: self.ended.append((status, result)),
+                rejected=lambda: self.ended.append((0, None)),
+            ),
         )
 
 

@@ -12,7 +12,7 @@ from rclpy.task import Future
 from std_msgs.msg import Bool
 
 from lupin_nav.node import PARAMETERS, NavWatchdog
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import GoalCallbacks, Qos, RosNode
 from tests.lupin_ros.helpers import spin_until
 
 pytestmark = pytest.mark.timeout(60)
@@ -58,10 +58,7 @@ def test_a_refusal_is_repeated_also_when_the_stop_is_let_go(make_node: Callable[
     ended: list[int] = []
     navigation.send(
         NavigateToPose.Goal(),
-        accepted=lambda: None,
-        feedback=lambda _: None,
-        ended=lambda status, _: ended.append(status),
-        rejected=lambda: ended.append(0),
+        GoalCallbacks(ended=lambda status, _: ended.append(status), rejected=lambda: ended.append(0)),
     )
     spin_until(nodes, lambda: server.running == 1, what="the goal")
     stop.publish(Bool(data=True))

@@ -12,7 +12,7 @@ from nav2_msgs.action import NavigateToPose
 from lupin_msgs.msg import DiscoveredTags, Observation
 from lupin_perception.node import NAME, Aggregator
 from lupin_perception.node import PARAMETERS as AGGREGATOR_PARAMETERS
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import GoalCallbacks, Qos, RosNode
 from lupin_sim.camera import Plate, plates_of
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.layout import load_layout
@@ -103,11 +103,7 @@ def test_tags_seen_on_the_way_are_placed_as_well(make_node: MakeNode) -> None:
     goal.pose.pose.position.x, goal.pose.pose.position.y = 0.6, 7.5
     goal.pose.pose.orientation.w = 1.0
     action.send(
-        goal,
-        accepted=lambda: None,
-        feedback=lambda _: None,
-        ended=lambda status, _: ends.append(status),
-        rejected=lambda: ends.append(0),
+        goal, GoalCallbacks(ended=lambda status, _: ends.append(status), rejected=lambda: ends.append(0))
     )
     pair.until(lambda: ends and len(pair.tags()) >= 3, "the drive has shown three tags", 120.0)
     assert ends == [4]

@@ -21,7 +21,7 @@ from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
 from lupin_msgs.msg import MissionState
-from lupin_ros.adapter.node import Goal, Qos, RosNode
+from lupin_ros.adapter.node import Goal, GoalCallbacks, Qos, RosNode
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
 from lupin_sim.node.senses import PUBLISH_S
@@ -80,10 +80,12 @@ class Scene:
         request.pose.pose.orientation.w = 1.0
         drive.goal = self.navigation.send(
             request,
-            accepted=lambda: setattr(drive, "accepted", True),
-            feedback=drive.feedback.append,
-            ended=lambda status, r: drive.ended.append((status, r.error_code, r.error_msg)),
-            rejected=lambda: setattr(drive, "rejected", True),
+            GoalCallbacks(
+                accepted=lambda: setattr(drive, "accepted", True),
+                feedback=drive.feedback.append,
+                ended=lambda status, r: drive.ended.append((status, r.error_code, r.error_msg)),
+                rejected=lambda: setattr(drive, "rejected", True),
+            ),
         )
         self.until(lambda: drive.accepted or drive.rejected)
         return drive

@@ -28,7 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.node import GoalCallbacks, Qos
 from tests.lupin_ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(240)
@@ -186,10 +186,7 @@ class Bystander(Operator):
         ended: list[int] = []
         self.navigation.send(
             goal,
-            accepted=lambda: None,
-            feedback=lambda _: None,
-            ended=lambda status, _: ended.append(status),
-            rejected=lambda: ended.append(0),
+            GoalCallbacks(ended=lambda status, _: ended.append(status), rejected=lambda: ended.append(0)),
         )
         return ended
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_msgs.srv import SetArmPreset
-from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.node import GoalCallbacks, Qos
 from lupin_ros.adapter.process import StoodStill
 from tests.lupin_ros.world import Operator, World
 
@@ -141,11 +141,7 @@ def test_a_stop_ends_a_drive_that_nobody_would_ask_for_again(world: World, bysta
     goal.pose.pose.position.y = 4.0
     goal.pose.pose.orientation.w = 1.0
     bystander.ros.action(NavigateToPose, "navigate_to_pose").send(
-        goal,
-        accepted=lambda: None,
-        feedback=lambda _: None,
-        ended=lambda status, _: ended.append(status),
-        rejected=lambda: ended.append(0),
+        goal, GoalCallbacks(ended=lambda status, _: ended.append(status), rejected=lambda: ended.append(0))
     )
     start = bystander.place
     bystander.until(lambda: math.dist(bystander.place, start) > 0.2, "the drive")

@@ -83,6 +83,7 @@ CALLS: Mapping[str, Sequence[Call]] = {
     "expect": [Call(["expect", "inspection"], (2,))],
     **{verb: [Call(words, (2,))] for verb, words in _OF_A_JOURNAL.items()},
     "doctor": [Call(["doctor"], (0, 1))],
+    "upgrade": [Call(["upgrade", FOLDER])],
     "node": [Call(["node"])],
     "invite": [Call(["invite", "anna"], (2,))],
     # These ask a network, and serve until they are ended.

@@ -29,7 +29,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lupin_engine_msgs.srv import Command
 from lupin_msgs.srv import CalibrateArm, SetArmPreset, StartMission
-from lupin_ros.adapter.node import CallFailure, Qos
+from lupin_ros.adapter.node import CallFailure, GoalCallbacks, Qos
 from lupin_ros.service.names import COMMAND_SERVICE
 from lupin_sim.layout import load_layout
 from tests.lupin_ros.system.safety.matrix.measure import Bystander
@@ -427,10 +427,10 @@ class Bench(Operator):
         self.wait_for(self._navigation.ready, "navigation")
         self._navigation.send(
             goal,
-            accepted=lambda: None,
-            feedback=lambda _: None,
-            ended=lambda status, _: self.answers.append(f"ended with status {status}"),
-            rejected=lambda: self.answers.append("the goal was rejected"),
+            GoalCallbacks(
+                ended=lambda status, _: self.answers.append(f"ended with status {status}"),
+                rejected=lambda: self.answers.append("the goal was rejected"),
+            ),
         )
 
     def goal_to_frozen_base(self) -> None:

@@ -1,0 +1,382 @@
+"""One lifecycle from two files: a project's own, and the shipped one that it extends.
+
+The texts are merged before they are read as a document. So everything behind sees one lifecycle, in which
+every key and value keeps the place where it is written. The models of the documents decide how: a mapping is
+merged key by key; a transition, an action, a list and an expression replace, and so does an `invoke` with a
+`do`.
+
+An override of what stops the robot, or of what answers a start, is refused: no proof can vouch for a hold
+that was rewritten.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin
+
+from lupin_engine.chart.documents import (
+    ActionNode,
+    InvokeNode,
+    LifecycleNode,
+    PropertyNode,
+    StateNode,
+    TransitionNode,
+)
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Meaning, Named, Node
+from lupin_engine.chart.semantics import matches
+from lupin_engine.chart.source import Map, Merged, Seq, map_at
+from lupin_engine.chart.validation import Way
+from lupin_engine.errors import Place, meant
+from lupin_engine.plugin.profile import START
+
+_FIXED, _NOTHING = "not-overridable", "overrides-nothing"
+#: The inputs and parameters that a condition reads.
+_READ = re.compile(r"\b(input|param)\.(\w+)")
+_SECTIONS = {"input": "inputs", "param": "params"}
+#: How strictly a breach is answered.
+_BREACHES = ("report", "hold", "fault")
+#: The keys that an override of a property may have.
+_OF_PROPERTY = frozenset({"breach", "code", "summary"})
+_HELD = "every project is held and released in the same way"
+_ANSWERED = "every project answers a start in the same way"
+_KEPT = "every project keeps the conditions that it inherits"
+_STRICTER = "write one of another name that asks for more"
+_NOT_MEANT = "a mission that it is not meant of names it under 'not_meant', with the reason"
+#: The keys that each file has for itself.
+_OWN_KEYS = frozenset({"lifecycle", "extends", "lupin"})
+
+
+@dataclass(frozen=True)
+class BaseFile:
+    """The file of a lifecycle that is extended; `name` is the lifecycle's."""
+
+    name: str
+    file: str
+    raw: bytes
+
+
+def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Map | None:
+    """Return the lifecycle of a project merged with the one that it extends; None where that is not complete.
+
+    A forbidden override is a finding and has no effect. A name that overrides nothing is a finding, too, and
+    is added to `left_out`.
+    """
+    if "extends" in base:
+        problem = f"{str(own['extends'])!r} extends a lifecycle itself, in {base.key_place('extends')}"
+        hint = "extend one that is complete: a lifecycle is read in two files at most"
+        findings.add(own.value_place("extends"), "unknown-lifecycle", "extends", problem, hint)
+        return None
+    _Additions(own, base, findings).check()
+    return _Merger(own, base, findings, left_out).merged()
+
+
+class _Merger:
+    def __init__(self, own: Map, base: Map, findings: Findings, left_out: list[Way]) -> None:
+        self._own, self._base = own, base
+        self._findings = findings
+        self._left_out = left_out
+        self._name = str(own["extends"])
+        self._readers = dict(_readers(base))
+        self._mentioned = frozenset(_words_in(own))
+
+    def merged(self) -> Merged:
+        """Merge the two files."""
+        return self._record(self._own, self._base, LifecycleNode, ())
+
+    def _record(self, own: Map, base: Map, model: type[Node], way: Way) -> Merged:
+        """Merge the mapping of a model, key by key."""
+        fields = _fields(model)
+        return self._keys(own, base, way, {key: fields.get(key) for key in own})
+
+    def _keys(self, own: Map, base: Map, way: Way, merges: Mapping[str, _Merge | None]) -> Merged:
+        """Merge two mappings; `merges` says of each key how the values of both are merged."""
+        found = Merged(own, base)
+        for key in dict.fromkeys((*base, *own)):
+            if key not in own:
+                found.take(key, base[key], base)
+            elif key not in base or (not way and key in _OWN_KEYS):
+                found.take(key, own[key], own)
+            else:
+                found.take(key, *self._both(own, base, key, (*way, key), merges.get(key)))
+        return found
+
+    def _both(self, own: Map, base: Map, key: str, way: Way, merge: _Merge | None) -> tuple[Any, Map]:
+        """Return the value of a key that both have, and the mapping that the key is taken from."""
+        new, old = own[key], base[key]
+        fixed = self._fixed(way, new, old)
+        if fixed is not None and not _is_same(new, old):
+            self._refuse(own.key_place(key), base.key_place(key), way, fixed)
+            return old, base
+        is_whole = merge is not None and merge.is_whole
+        if new is None or new == {} or (new == [] and is_whole):
+            problem = f"nothing is written here, and nothing of {self._name} can be taken out"
+            hint = "write the keys that differ, or remove this one"
+            self._findings.add(own.key_place(key), _NOTHING, _path(way), problem, hint)
+            return old, base
+        if merge is not None and isinstance(new, Map) and isinstance(old, Map):
+            if merge.of_names:
+                return self._names(new, old, merge, way), own
+            if merge.record is not None and not (merge.record is InvokeNode and "do" in new):
+                return self._record(new, old, merge.record, way), own
+        if _is_same(new, old):
+            problem = f"this is the same as in {self._name}, {base.key_place(key)}"
+            self._findings.warn(own.key_place(key), _NOTHING, _path(way), problem, "remove it")
+        return new, own
+
+    def _names(self, own: Map, base: Map, merge: _Merge, way: Way) -> Merged:
+        """Merge two mappings of names: their records key by key, values of another kind as a whole."""
+        for name in [name for name in own if name not in base]:
+            problem, hint = self._misspelt(name, own[name], base, merge, way)
+            if problem:
+                place = own.key_place(name)
+                self._findings.add(place, _NOTHING, _path(way), problem, hint)
+                self._left_out.append((*way, name))
+                del own[name]
+        return self._keys(own, base, way, dict.fromkeys(own, replace(merge, of_names=False)))
+
+    def _misspelt(self, name: str, new: Any, base: Map, merge: _Merge, way: Way) -> tuple[str, str]:
+        """Return problem and hint of a name that overrides nothing and cannot be new; empty texts else."""
+        if merge.meaning is None:
+            return "", ""
+        what = merge.meaning.value
+        near = meant(name, base)
+        problem = f"{self._name} has no {what} {name!r}"
+        if merge.record is StateNode:
+            is_new = name in self._mentioned or not near
+            return ("", "") if is_new else (problem, f"{near} Nothing leads to a new one")
+        lacks = _lacks(merge.record, new)
+        if not lacks:
+            return "", ""
+        return problem, f"{near} A new one needs {lacks}".lstrip()
+
+    # -- what cannot be overridden -----------------------------------------------------------------------
+
+    def _refuse(self, own: Place, base: Place, way: Way, fixed: _Fixed) -> None:
+        problem = f"{fixed.what} of {self._name}, {base}, cannot be overridden: {fixed.why}"
+        self._findings.add(own, _FIXED, _path(way), problem, fixed.hint)
+
+    def _fixed(self, way: Way, new: Any, old: Any) -> _Fixed | None:
+        """Return the subject of a forbidden override, with the reason; None for one that is allowed."""
+        match way:
+            case ("profile",):
+                return _Fixed("the profile", "its states belong to that profile")
+            case ("holds", name):
+                return _Fixed(f"the hold {name!r}", _HELD)
+            case (("inputs" | "params") as section, name) if (section, name) in self._readers:
+                what = "input" if section == "inputs" else "parameter"
+                return _Fixed(f"the {what} {name!r}", f"{self._readers[str(section), str(name)]} reads it")
+            case ("invariants", name):
+                return _Fixed(f"the invariant {name!r}", _KEPT, _STRICTER)
+            case ("properties", name) if _is_weaker(new, old):
+                return _Fixed(f"the property {name!r}", _KEPT, f"{_STRICTER}; {_NOT_MEANT}")
+            case ("states", *_, "slot"):
+                return _Fixed("the slot", "the missions stand in the inherited one")
+        return _fixed_transition(way, old)
+
+
+def _is_weaker(new: Any, old: Any) -> bool:
+    """Say whether a property would be another one, or its breach be answered less strictly."""
+    if not isinstance(new, Map) or not isinstance(old, Map):
+        return True
+    if any(key not in _OF_PROPERTY and not _is_same(new[key], old.get(key)) for key in new):
+        return True
+    breach, before = new.get("breach", _BREACHES[-1]), old.get("breach", _BREACHES[0])
+    return breach in _BREACHES and _BREACHES.index(breach) < _BREACHES.index(before)
+
+
+def _fixed_transition(way: Way, old: Any) -> _Fixed | None:
+    """Return the transitions that an override must not replace, with the reason; None where it may."""
+    *_, key = way
+    in_names = len(way) > 1 and way[-2] in ("on", "after", "every", "at")
+    merge = _fields(StateNode).get(str(way[-2] if in_names else key))
+    if merge is None or not merge.is_transition or merge.of_names is not in_names:
+        return None
+    what = f"the transition under {key!r}"
+    if in_names and way[-2] == "on" and matches(str(key), START):
+        return _Fixed(what, _ANSWERED)
+    written = {word for each in _elements(old) if isinstance(each, Map) for word in each}
+    if "releases" in written:
+        return _Fixed(what, "it releases a hold")
+    return _Fixed(what, "it is taken during a hold") if "during" in written else None
+
+
+class _Additions:
+    """Finds additions of a project that would change the effect of a hold, or the answer to a start."""
+
+    def __init__(self, own: Map, base: Map, findings: Findings) -> None:
+        self._own, self._base = own, base
+        self._findings = findings
+        self._name = str(own["extends"])
+        self._holds = _inner(base, "holds")
+
+    def check(self) -> None:
+        """Report them all."""
+        self._transitions(self._own, ())
+        self._states(self._own, self._base, (), [])
+
+    def _states(self, own: Map, base: Map | None, way: Way, around: list[Map]) -> None:
+        inherited = _inner(base, "states")
+        for name, state in _inner(own, "states").items():
+            if isinstance(state, Map):
+                self._state(state, inherited.get(name), (*way, "states", name), around)
+
+    def _state(self, state: Map, inherited: Any, way: Way, around: list[Map]) -> None:
+        base = inherited if isinstance(inherited, Map) else None
+        self._transitions(state, way)
+        within = around if base is None else [base, *around]
+        self._start(state, way, within)
+        self._states(state, base, way, within)
+
+    def _transitions(self, holder: Map, way: Way) -> None:
+        """Report transitions that release an inherited hold."""
+        for key, transition in _transitions_in(holder):
+            for hold in _elements(transition.get("releases", ())):
+                if isinstance(hold, str) and hold in self._holds:
+                    where = self._holds.key_place(str(hold))
+                    what = f"this releases the hold {str(hold)!r} of {self._name}, {where}"
+                    problem = f"{what}: {_HELD}"
+                    place = transition.key_place("releases")
+                    self._findings.add(place, _FIXED, _path((*way, key)), problem, "remove it")
+
+    def _start(self, state: Map, way: Way, within: Iterable[Map]) -> None:
+        """Report further answers to a start, in an inherited state that has one or inside it."""
+        answers = [_inner(each, "on") for each in within]
+        first = next((each for each in answers if START in each), None)
+        on = _inner(state, "on")
+        for event in on if first is not None else ():
+            is_override = event == START and START in answers[0]  # which is refused as such
+            is_answer = matches(event, START) and not all(map(_refuses, _elements(on[event])))
+            if is_answer and not is_override and first is not None:
+                what = f"this answers a start, which {self._name} does in {first.key_place(START)}"
+                problem = f"{what}: {_ANSWERED}"
+                hint = "remove it, or refuse the start here"
+                self._findings.add(on.key_place(event), _FIXED, _path((*way, "on", event)), problem, hint)
+
+
+# -- helpers ---------------------------------------------------------------------------------------------
+
+
+class _Fixed(NamedTuple):
+    """The subject of a forbidden override, the reason, and the remedy."""
+
+    what: str
+    why: str
+    hint: str = "remove it"
+
+
+@dataclass(frozen=True)
+class _Merge:
+    """The way in which two values of a key are merged: by name, as one record, or not at all.
+
+    `record` is the model of the record, or of each named one, and `meaning` that of the names. `is_whole`:
+    these are transitions or actions, which replace.
+    """
+
+    of_names: bool = False
+    record: type[Node] | None = None
+    meaning: Meaning | None = None
+    is_whole: bool = False
+    is_transition: bool = False
+
+
+@cache
+def _fields(model: type[Node]) -> Mapping[str, _Merge]:
+    """Return by key how the values of a model are merged."""
+    return {field.alias or name: _merge_of(field) for name, field in model.model_fields.items()}
+
+
+def _merge_of(field: Any) -> _Merge:
+    nodes = tuple(_nodes(field.annotation))
+    is_whole = TransitionNode in nodes or ActionNode in nodes
+    return _Merge(
+        of_names=get_origin(field.annotation) is dict,
+        record=None if is_whole else next(iter(nodes), None),
+        meaning=next((each.meaning for each in field.metadata if isinstance(each, Named)), None),
+        is_whole=is_whole,
+        is_transition=TransitionNode in nodes,
+    )
+
+
+def _nodes(annotation: Any) -> Iterator[type[Node]]:
+    """Yield the models that an annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, Node):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _nodes(inner)
+
+
+def _lacks(model: type[Node] | None, new: Any) -> str:
+    """Return the required keys that a new record lacks, as a text; '' where it has all."""
+    if model is None or not isinstance(new, Map):
+        return ""
+    if model is PropertyNode:
+        return "" if new.keys() - _OF_PROPERTY else "a condition"
+    fields = model.model_fields.items()
+    missing = [field.alias or name for name, field in fields if field.is_required()]
+    return ", ".join(repr(key) for key in missing if key not in new)
+
+
+def _is_same(new: Any, old: Any) -> bool:
+    return bool(new == old) and isinstance(new, bool) == isinstance(old, bool)
+
+
+def _path(way: Way) -> str:
+    return ".".join(map(str, way))
+
+
+def _inner(holder: Map | None, key: str) -> Map:
+    """Return the mapping under a key; an empty one where there is none."""
+    found = holder.get(key) if holder is not None else None
+    return found if isinstance(found, Map) else map_at(Place("", 1, 1))
+
+
+def _elements(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, (Seq, tuple)) else [value]
+
+
+def _refuses(transition: Any) -> bool:
+    return isinstance(transition, Map) and "refuse" in transition
+
+
+def _transitions_in(holder: Map) -> Iterator[tuple[str, Map]]:
+    """Yield the transitions that a state or the file writes itself, each with its key."""
+    for key, value in holder.items():
+        merge = _fields(StateNode).get(key)
+        if merge is None or not merge.is_transition:
+            continue
+        lists = value.values() if merge.of_names and isinstance(value, Map) else (value,)
+        for each in (each for one in lists for each in _elements(one)):
+            if isinstance(each, Map):
+                yield key, each
+
+
+def _readers(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
+    """Yield the inputs and parameters that holds and answers to a start read, each with its reader."""
+    for name, hold in _inner(base, "holds").items():
+        for text in hold.values() if isinstance(hold, Map) else ():
+            yield from _read_in(text, f"the hold {name!r}")
+    for name, state in _inner(base, "states").items():
+        answers = _inner(state, "on").get(START) if isinstance(state, Map) else None
+        for each in _elements(answers):
+            if isinstance(each, Map):
+                yield from _read_in(each.get("guard"), f"the answer to a start in {name!r}")
+
+
+def _read_in(condition: Any, reader: str) -> Iterator[tuple[tuple[str, str], str]]:
+    for root, name in _READ.findall(str(condition)):
+        yield (_SECTIONS[root], name), reader
+
+
+def _words_in(value: Any) -> Iterator[str]:
+    """Yield the words of all values, not those of keys."""
+    if isinstance(value, Map):
+        value = list(value.values())
+    if isinstance(value, list):
+        for each in value:
+            yield from _words_in(each)
+    elif isinstance(value, str):
+        yield from re.findall(r"\w+", value)
