@@ -38,6 +38,7 @@ from lupin_engine.properties.built_in import (
     StepKind,
     Verdict,
     is_moving,
+    is_waiting,
     released,
     taken,
 )
@@ -177,6 +178,7 @@ _OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
     "bypassed": bypassed,
     "codes": lambda one: [code.code for code in one.step.codes],
     "moving": is_moving,
+    "waiting": is_waiting,
     "was_in": lambda one: lambda names: any(name in one.before.configuration for name in names),
 }
 

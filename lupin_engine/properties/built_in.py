@@ -597,6 +597,14 @@ def is_moving(passage: Passage) -> bool:
     return any(one.operation in moving and is_under_way(one) for one in passage.after.attempts.values())
 
 
+def is_waiting(passage: Passage) -> bool:
+    """Return whether a robot shows after a step that it waits: held, paused, asking, or without a mission."""
+    memory, chart = passage.after, passage.chart
+    states = (chart.states[name] for name in memory.configuration)
+    without = chart.profile.stages.without_mission
+    return bool(memory.held or memory.asked) or any(one.paused or one.label in without for one in states)
+
+
 def taken(passage: Passage) -> Iterator[Transition]:
     """Yield the chart's own transitions of a step."""
     known = _rules(passage.chart)

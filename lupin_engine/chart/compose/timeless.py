@@ -70,6 +70,7 @@ def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
         "bypassed": operations,
         "codes": list_of(TEXT),
         "moving": BOOL,
+        "waiting": BOOL,
     }
     return Type("record", "this_step", fields=fields)
 
