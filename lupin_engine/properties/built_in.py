@@ -53,7 +53,7 @@ class Glance(NamedTuple):
     """The part of the memory before a step that properties read; hashable.
 
     `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
-    good, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
+    good, `settled` their states, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
     active itineraries, `unfinished` those that owe results, each with the number of targets that it had
     before it was begun anew, and with the number of results that it owes. `configuration`, `history` and
     `asked` are the names of states.
@@ -62,6 +62,7 @@ class Glance(NamedTuple):
     held: Collection[str] = ()
     speaking: Container[str] = frozenset()
     over: Container[str] = frozenset()
+    settled: Container[str] = frozenset()
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
@@ -97,8 +98,8 @@ class Passage(NamedTuple):
 #: code, commanded, or taken, entered or left, the end of an operation is taken; a hold is engaged after it.
 #: `ANY` is every step.
 ANY, REQUESTED, REPORTED, NOTED, CODED, COMMANDED, MOVED, ENDED, FAILED, HELD = (1 << n for n in range(10))
-#: The bits of a step, and the active states after it.
-StepKind = tuple[int, tuple[str, ...]]
+#: The bits of a step, and the active states after it; None: any.
+StepKind = tuple[int, tuple[str, ...] | None]
 
 
 def kind_of(passage: Passage) -> StepKind:
@@ -164,10 +165,12 @@ def due(state: Remembered) -> float:
 
 def glance(memory: Memory) -> Glance:
     """Return the glance of a memory, to be taken before a step."""
+    over = [found for found in memory.invocations.values() if is_over(found, memory)]
     return Glance(
         tuple(memory.held),
         frozenset(name for name in memory.attempts if is_speaking(memory, name)),
-        frozenset(found.id for found in memory.invocations.values() if is_over(found, memory)),
+        frozenset(found.id for found in over),
+        frozenset(found.name for found in over),
         closed(memory),
         memory.mission_id,
         begun(memory),

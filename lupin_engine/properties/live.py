@@ -35,6 +35,7 @@ from lupin_engine.properties.built_in import (
     Remembered,
     Verdict,
     due,
+    is_over,
     kind_of,
     unfinished,
 )
@@ -53,6 +54,7 @@ _ANSWERED, _RELEASED, _BEGUN, _SUCCEEDED, _FAILED, _CODES, _MOVING, _WAS_IN = (
 _BITS: Mapping[str, int] = {
     **{name: 1 << number for number, name in enumerate(_FIELDS)},
     **dict.fromkeys(("refused", "because"), _ANSWERED),
+    "given_up": _FAILED | _WAS_IN,
 }
 #: How far the bits of the scope are moved.
 _SHIFT = len(_FIELDS)
@@ -225,6 +227,7 @@ class LiveMonitor:
         """Take the glance before the next step, without what only properties of every chart read."""
         memory = scope.memory
         self._before = Glance(
+            settled=frozenset(one.name for one in memory.invocations.values() if is_over(one, memory)),
             mission_id=memory.mission_id,
             unfinished=unfinished(memory) if dirty & ITINERARY else self._before.unfinished,
             configuration=memory.configuration,

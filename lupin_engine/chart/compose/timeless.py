@@ -67,6 +67,7 @@ def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
         "begun": operations,
         "succeeded": operations,
         "failed": operations,
+        "given_up": operations,
         "bypassed": operations,
         "codes": list_of(TEXT),
         "moving": BOOL,
