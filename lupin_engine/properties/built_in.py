@@ -53,10 +53,10 @@ class Glance(NamedTuple):
     """The part of the memory before a step that properties read; hashable.
 
     `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
-    good, `settled` their states, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
-    active itineraries, `unfinished` those that owe results, each with the number of targets that it had
-    before it was begun anew, and with the number of results that it owes. `configuration`, `history` and
-    `asked` are the names of states.
+    good, `settled` their states, `closed` the number of visits of mission `mission_id` with an outcome, over
+    all passes, `begun` the active itineraries, `unfinished` those that owe results, each with the number of
+    targets that it had before it was begun anew, and with the number of results that it owes.
+    `configuration`, `history` and `asked` are the names of states.
     """
 
     held: Collection[str] = ()

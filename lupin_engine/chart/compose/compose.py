@@ -415,7 +415,7 @@ class _Composer:
         """Yield the scope of such a condition, without values that differ between uses of its part."""
         usage = Usage()
         mission = file.name if isinstance(file, MissionNode) else ""
-        yield replace(timeless(self._scope_of(file, mission), what, self._catalog), usage=usage)
+        yield replace(timeless(self._scope_of(file, mission), what, self._catalog, self._codes), usage=usage)
         for family in ("parameters", "functions", "inputs"):
             getattr(self._usage, family).update(getattr(usage, family))
         given = set().union(*self._bound.get(file.title, []))
