@@ -1,8 +1,9 @@
 """Watches the properties of a robot's missions while they run: those of simulation and proof, step by step.
 
 A property is asked only in steps that touch what can break it. A breach becomes an event of the machine,
-`event.PROPERTY_BROKEN`, once until the property holds again. What is remembered can be kept in the journal,
-so that a new process neither forgets a breach nor reports it twice.
+`event.PROPERTY_BROKEN`, once until the property holds again; of a property whose breach is only reported, at
+most once in `REPORT_EVERY_S`, with the number of those left out. What is remembered can be kept in the
+journal, so that a new process neither forgets a breach nor reports it twice.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from lupin_engine.machine.scope import (
     reads_of,
 )
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import BOOL
 from lupin_engine.properties.authored import StepView, is_bounded, properties_of
 from lupin_engine.properties.built_in import (
@@ -43,6 +45,8 @@ from lupin_engine.properties.clauses import breaches
 
 #: Events that change live values, clocks and texts only.
 _QUIET = frozenset({"value", "clock", "attempt.progress", "timer.fresh"})
+#: How often a breach that is only reported is reported in one mission, in seconds.
+REPORT_EVERY_S = 60.0
 #: A deadline has passed when the clock is beyond it by so much, in seconds: it counts microseconds.
 _PASSED_S = 2e-6
 
@@ -126,6 +130,9 @@ class LiveMonitor:
         #: Those that are broken now, and the reports that the machine has not got yet.
         self._broken: set[str] = set()
         self._pending: dict[str, str] = {}
+        #: When each was reported last in this mission, and how many breaches were left out since then.
+        self._reported: dict[str, tuple[float, int]] = {}
+        self._rules = rules
         self._scope: EvaluationScope | None = None
         self._watch = Watch()
         self._before = Glance()
@@ -148,6 +155,8 @@ class LiveMonitor:
         if step.event.name == PROPERTY_BROKEN:
             self._pending.pop(step.event.data["property"], None)
             self._broken.add(step.event.data["property"])
+        if step.event.name == START and step.accepted:
+            self._reported.clear()
         dirty, self._watch.dirty = self._watch.dirty, 0
         if step.event.name == "timer.fresh":
             dirty |= input_part(scope.chart, step.event.data["owner"])
@@ -203,7 +212,7 @@ class LiveMonitor:
                 self._broken.discard(name)
             return every if state == before else _ANYTHING
         if name not in self._broken:
-            new.append(self._report(name, verdict.breach))
+            new += self._report(name, verdict.breach, passage.step.time)
         return _ANYTHING
 
     def _remember(self, name: str, state: Remembered) -> None:
@@ -213,10 +222,18 @@ class LiveMonitor:
         if math.isinf(self._waits[name]):
             del self._waits[name]
 
-    def _report(self, name: str, breach: str) -> Event:
+    def _report(self, name: str, breach: str, now: float) -> list[Event]:
+        """Return the report of a breach; none where it comes too soon after the last one."""
         self._broken.add(name)
-        self._pending[name] = breach if breach.startswith("property ") else f"property {name}: {breach}"
-        return Event(PROPERTY_BROKEN, {"property": name, "detail": self._pending[name]})
+        last, left_out = self._reported.get(name, (-math.inf, 0))
+        if self._rules[name].breach == "report" and now - last < REPORT_EVERY_S:
+            self._reported[name] = last, left_out + 1
+            return []
+        self._reported[name] = now, 0
+        often = f"; {left_out} times more since the last report" if left_out else ""
+        breach = breach if breach.startswith("property ") else f"property {name}: {breach}"
+        self._pending[name] = f"{breach}{often}"
+        return [Event(PROPERTY_BROKEN, {"property": name, "detail": self._pending[name]})]
 
     def _bind(self, scope: EvaluationScope) -> None:
         """Watch another machine of this chart from now on: all of it is new."""
@@ -253,7 +270,9 @@ class LiveMonitor:
             name for name, at in self._waits.items() if name not in self._broken and at + _PASSED_S <= now
         ]
         ends = [(name, self._says[name].end(self._states[name], now)) for name in late]
-        return [self._report(name, verdict.breach) for name, verdict in ends if verdict.breach]
+        return [
+            one for name, verdict in ends if verdict.breach for one in self._report(name, verdict.breach, now)
+        ]
 
     # -- restarts ---------------------------------------------------------------------------------------
 
@@ -267,7 +286,9 @@ class LiveMonitor:
     def kept(self) -> dict[str, Any]:
         """Return what it remembers, as JSON data."""
         states = {name: list(state) for name, state in self._states.items()}
-        return {"states": states, "broken": sorted(self._broken), "pending": dict(self._pending)}
+        reported = {name: list(one) for name, one in self._reported.items()}
+        kept = {"states": states, "broken": sorted(self._broken), "pending": dict(self._pending)}
+        return {**kept, "reported": reported}
 
     def begin(self, kept: Mapping[str, Any], scope: EvaluationScope) -> None:
         """Go on from what was kept, with a machine of then; unknown names are left out."""
@@ -278,6 +299,8 @@ class LiveMonitor:
                 self._remember(name, tuple(state))
         self._broken = {name for name in kept.get("broken", ()) if name in known}
         self._pending = {name: text for name, text in kept.get("pending", {}).items() if name in known}
+        reported = kept.get("reported", {}).items()
+        self._reported = {name: (at, left_out) for name, (at, left_out) in reported if name in known}
         self._bind(scope)
         self._look(scope, ITINERARY)
 
@@ -285,6 +308,7 @@ class LiveMonitor:
         """Go on by a clock that is so many seconds ahead."""
         for name, state in list(self._states.items()):
             self._remember(name, tuple(at + seconds for at in state))
+        self._reported = {name: (at + seconds, left_out) for name, (at, left_out) in self._reported.items()}
 
 
 def _fields_of(step: Step) -> int:
