@@ -392,7 +392,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         " events of plugins come at any time.",
         f"During a hold at most {bounds.deferred} events of each kind, and as many times of day, wait for the"
         " release.",
-        "The robot's clock may come to any time of day between two steps; nobody sets it.",
+        "The robot's clock may come to any time of day between two steps; it is not adjusted.",
         "If an operation sets a live value (such as the pose), that value is known before the operation"
         " succeeds.",
     ]

@@ -97,7 +97,7 @@ def _why_no_end(index: Index, state: State) -> str:
     ways = [t for t in every if t.target is not None and t.event not in ("done", "error")]
     raised = _raised(index)
     if not ways:
-        return "only the lifecycle leads out: nobody is told"
+        return "only the lifecycle leads out, and nothing reports the wait"
     if all(_comes_from_the_world(t.event, raised) for t in ways):
         return f"{ways[0].event}, which leads out, may never come"
     return ""
