@@ -106,6 +106,7 @@ _EMPTY: Mapping[str, tuple[int, Any]] = {
     "failed": (FAILED, []),
     "codes": (CODED, []),
     "given_up": (MOVED, []),
+    "bypassed": (MOVED, []),
 }
 #: The kind of a step that changes only live values, in any configuration.
 _QUIET: StepKind = (ANY | HELD, None)

@@ -216,8 +216,8 @@ def test_what_cannot_be_judged_is_a_breach_and_stops_no_loop(tmp_path: Path) -> 
     def fails(*_: object) -> Any:
         raise LookupError("nothing there")
 
-    each = robot.watch._written[0]
-    each.one = replace(each.one, watch=fails)
+    one, reads = robot.watch._quietly[0]
+    robot.watch._quietly[0] = (replace(one, watch=fails), reads)
     robot.sees("battery", 0.14, 2.0)
     assert [text for _, _, text in robot.codes] == ["property charged: could not be judged: nothing there"]
 
