@@ -367,9 +367,11 @@ ROOT_TEXTS: Mapping[str, str] = {
     "`clock.time`, such as '06:30'",
     "this_step": "in properties, the step that was made: the request that it `.accepted` or `.refused` "
     "('' for none) and `.because` of which code; the holds that it `.released`; the operations that it has "
-    "`.begun`, and whose end it took as `.succeeded` or `.failed`; those that it has `.bypassed`: their "
+    "`.begun`, and whose end it took as `.succeeded` or `.failed`; those that it has `.given_up`: "
+    "they failed, or their state was left before they succeeded; those that it has `.bypassed`: their "
     "success leads to a state that was entered from elsewhere; the `.codes` that it reports; whether "
-    "something is `.moving` after it",
+    "something is `.moving` after it, and whether the robot shows that it is `.waiting`: held, paused, "
+    "asking, or without a mission",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
     "`.total`, `.closed`, `.sweep` (1 in the first)",
 }

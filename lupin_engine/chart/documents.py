@@ -676,6 +676,7 @@ class PropertyNode(Node):
     code: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code that reports a breach; without it property_broken"
     )
+    formerly: str = Field("", description="former name, which `not_meant` may still use")
     summary: str = Field("", description="one sentence for people")
 
 

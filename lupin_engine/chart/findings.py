@@ -87,6 +87,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unreachable-state": "every state can be entered",
             "dead-end": "from every state an end can be reached: of the mission, or FAULT",
             "always-loop": "a chart comes to rest: no circle of 'always' is taken for ever",
+            "never-breaks": "a property forbids something: some run would break it",
         },
         "Itineraries": {
             "double-close": "a visit is closed once, and nothing else publishes its target",

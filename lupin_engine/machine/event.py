@@ -41,10 +41,12 @@ CLOCK = "clock"
 #: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
 #: that it goes in circles without time, an own hold to release, a property that its run breaks.
 RUNNERS = (
-    *("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released"),
+    *("engine.resumed", "engine.reported", "engine.held", "engine.standstill", "engine.released"),
     "engine.breached",
 )
 RESUMED, CODE_REPORTED, HELD_BACK, STANDSTILL, RELEASED, PROPERTY_BROKEN = RUNNERS
+#: Names that journals of earlier versions have.
+FORMER_NAMES: Mapping[str, str] = MappingProxyType({"engine.told": CODE_REPORTED})
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {

@@ -270,6 +270,8 @@ def read_request(
         env: the environment of defaults.
     """
     mission = world.chart.missions.get(data.get("mission_type", ""))
+    if mission is None and "mission_type" not in data:
+        return {}, Refusal(UNKNOWN_MISSION, "it names no mission to begin")
     if mission is None:
         return {}, _unknown_mission(world, shortened(data.get("mission_type", "")))
     missing = ", ".join(map(described, lacking(mission, data)))

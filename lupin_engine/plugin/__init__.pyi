@@ -8,7 +8,6 @@ from .clients import make_client as make_client
 from .contract import CLOSED_CODE as CLOSED_CODE
 from .contract import EXECUTION_CODE as EXECUTION_CODE
 from .contract import OPERATION_CODES as OPERATION_CODES
-from .contract import OWN_HOLDS as OWN_HOLDS
 from .contract import PROPERTY_CODE as PROPERTY_CODE
 from .contract import RECORDED_CODE as RECORDED_CODE
 from .contract import RESTARTED as RESTARTED

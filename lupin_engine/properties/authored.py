@@ -16,19 +16,21 @@ from functools import lru_cache, partial
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Constant, Environment, Expression
-from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Chart, Kind, TemporalProperty
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.profile import START
 from lupin_engine.properties.built_in import (
+    ANY,
     BUILT_IN,
     CODED,
     COMMANDED,
     ENDED,
     FAILED,
+    HELD,
     HOLDS,
+    MOVED,
     NOT_ABOUT,
     NOTED,
     REQUESTED,
@@ -38,6 +40,7 @@ from lupin_engine.properties.built_in import (
     StepKind,
     Verdict,
     is_moving,
+    is_waiting,
     released,
     taken,
 )
@@ -79,13 +82,18 @@ def watched(rule: TemporalProperty) -> Property:
         return Verdict(True, _late(rule))
 
     remembers = is_bounded(rule) or rule.eventually is not None
-    of_values = remembers or not any(
-        "this_step" in names_read(one.source) for one in (rule.always, rule.never) if one
-    )
-    found = Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers, of_values)
-    if rule.never is None or remembers or rule.mission or rule.not_meant:
+    found = Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers)
+    if rule.never is None or rule.mission or rule.not_meant:
         return found
-    return replace(found, is_asked=partial(_may_be_true, rule.never), otherwise=HOLDS)
+    # A step in which none of them is true leaves as it is what is remembered.
+    conditions = [one for one in (rule.never, rule.after, rule.until) if one is not None]
+    begins = REQUESTED if remembers and rule.after is None else 0
+    return replace(
+        found,
+        of_values=any(_may_be_true(one, _QUIET) for one in conditions),
+        is_asked=lambda kind: bool(kind[0] & begins) or any(_may_be_true(one, kind) for one in conditions),
+        otherwise=NOT_ABOUT if remembers else HOLDS,
+    )
 
 
 #: The fields of `this_step` that are empty after a step without these bits, and what they are then.
@@ -97,7 +105,11 @@ _EMPTY: Mapping[str, tuple[int, Any]] = {
     "succeeded": (ENDED, []),
     "failed": (FAILED, []),
     "codes": (CODED, []),
+    "given_up": (MOVED, []),
+    "bypassed": (MOVED, []),
 }
+#: The kind of a step that changes only live values, in any configuration.
+_QUIET: StepKind = (ANY | HELD, None)
 
 
 def _may_be_true(condition: Expression, kind: StepKind) -> bool:
@@ -109,7 +121,9 @@ def _may_be_true(condition: Expression, kind: StepKind) -> bool:
         return True
     bits, configuration = kind
     step = {name: value for name, (of, value) in _EMPTY.items() if not bits & of}
-    env = {"this_step": step, "in_state": lambda names: any(name in configuration for name in names)}
+    env: dict[str, Any] = {"this_step": step}
+    if configuration is not None:
+        env["in_state"] = lambda names: any(name in configuration for name in names)
     return all(_is_true_or_unknown(conjunct, env) for conjunct in _conjuncts(condition.evaluate.code))
 
 
@@ -159,6 +173,17 @@ class StepView(Mapping[str, Any]):
         return len(_OF_A_STEP)
 
 
+def _given_up(passage: Passage) -> list[str]:
+    """Return the operations that failed, and those whose state was left before they succeeded."""
+    chart, found = passage.chart, _ended(passage, "error")
+    done = {rule.source for rule in taken(passage) if rule.event == "done"}
+    for name in passage.step.exited:
+        invoke = chart.states[name].invoke
+        if invoke is not None and name not in done and name not in passage.before.settled:
+            found.append(invoke.name)
+    return found
+
+
 def _ended(passage: Passage, event: str) -> list[str]:
     """Return the operations of which a transition has taken the end: `done` or `error`."""
     states = (passage.chart.states[rule.source] for rule in taken(passage) if rule.event == event)
@@ -174,9 +199,11 @@ _OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
     "begun": lambda one: [each.operation for each in one.step.commands if isinstance(each, Start)],
     "succeeded": lambda one: _ended(one, "done"),
     "failed": lambda one: _ended(one, "error"),
+    "given_up": _given_up,
     "bypassed": bypassed,
     "codes": lambda one: [code.code for code in one.step.codes],
     "moving": is_moving,
+    "waiting": is_waiting,
     "was_in": lambda one: lambda names: any(name in one.before.configuration for name in names),
 }
 

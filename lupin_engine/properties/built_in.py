@@ -56,15 +56,16 @@ class Glance(NamedTuple):
     """The part of the memory before a step that properties read; hashable.
 
     `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
-    good, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
-    active itineraries, `unfinished` those that owe results, each with the number of targets that it had
-    before it was begun anew, and with the number of results that it owes. `configuration`, `history` and
-    `asked` are the names of states.
+    good, `settled` their states, `closed` the number of visits of mission `mission_id` with an outcome, over
+    all passes, `begun` the active itineraries, `unfinished` those that owe results, each with the number of
+    targets that it had before it was begun anew, and with the number of results that it owes.
+    `configuration`, `history` and `asked` are the names of states.
     """
 
     held: Collection[str] = ()
     speaking: Container[str] = frozenset()
     over: Container[str] = frozenset()
+    settled: Container[str] = frozenset()
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
@@ -100,8 +101,8 @@ class Passage(NamedTuple):
 #: code, commanded, or taken, entered or left, the end of an operation is taken; a hold is engaged after it.
 #: `ANY` is every step.
 ANY, REQUESTED, REPORTED, NOTED, CODED, COMMANDED, MOVED, ENDED, FAILED, HELD = (1 << n for n in range(10))
-#: The bits of a step, and the active states after it.
-StepKind = tuple[int, tuple[str, ...]]
+#: The bits of a step, and the active states after it; None: any.
+StepKind = tuple[int, tuple[str, ...] | None]
 
 
 def kind_of(passage: Passage) -> StepKind:
@@ -167,10 +168,12 @@ def due(state: Remembered) -> float:
 
 def glance(memory: Memory) -> Glance:
     """Return the glance of a memory, to be taken before a step."""
+    over = [found for found in memory.invocations.values() if is_over(found, memory)]
     return Glance(
         tuple(memory.held),
         frozenset(name for name in memory.attempts if is_speaking(memory, name)),
-        frozenset(found.id for found in memory.invocations.values() if is_over(found, memory)),
+        frozenset(found.id for found in over),
+        frozenset(found.name for found in over),
         closed(memory),
         memory.mission_id,
         begun(memory),
@@ -601,6 +604,14 @@ def is_moving(passage: Passage) -> bool:
     """Return whether something that moves the robot is under way after a step."""
     moving = _moving(passage.chart)
     return any(one.operation in moving and is_under_way(one) for one in passage.after.attempts.values())
+
+
+def is_waiting(passage: Passage) -> bool:
+    """Return whether a robot shows after a step that it waits: held, paused, asking, or without a mission."""
+    memory, chart = passage.after, passage.chart
+    states = (chart.states[name] for name in memory.configuration)
+    without = chart.profile.stages.without_mission
+    return bool(memory.held or memory.asked) or any(one.paused or one.label in without for one in states)
 
 
 def taken(passage: Passage) -> Iterator[Transition]:

@@ -1,23 +1,26 @@
 """Watches the properties of a robot's missions while they run: those of simulation and proof, step by step.
 
-A property is asked only in steps that touch what can break it. A breach becomes an event of the machine,
-`event.PROPERTY_BROKEN`, once until the property holds again. What is remembered can be kept in the journal,
-so that a new process neither forgets a breach nor reports it twice.
+After a step a property is asked as in simulations and proofs, by the kind of the step; after one that changes
+only live values, only if it reads one that changed. A breach becomes an event of the machine,
+`event.PROPERTY_BROKEN`, once until the property holds again; of a property whose breach is only reported, at
+most once in `REPORT_EVERY_S`, with the number of those left out. What is remembered can be kept in the
+journal, so that a new process neither forgets a breach nor reports it twice.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import reduce
+from operator import or_
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Environment, Expression
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.records import DECIDING, walk
-from lupin_engine.errors import Place, reason
-from lupin_engine.machine.event import PROPERTY_BROKEN, Event, Start
+from lupin_engine.errors import reason
+from lupin_engine.machine.event import PROPERTY_BROKEN, Event
 from lupin_engine.machine.scope import (
-    CONFIGURATION,
     ITINERARY,
     EvaluationScope,
     Reads,
@@ -26,85 +29,31 @@ from lupin_engine.machine.scope import (
     reads_of,
 )
 from lupin_engine.machine.step import Step
-from lupin_engine.plugin.types import BOOL
-from lupin_engine.properties.authored import StepView, is_bounded, properties_of
+from lupin_engine.plugin.profile import START
+from lupin_engine.properties.authored import properties_of
 from lupin_engine.properties.built_in import (
     Glance,
     Passage,
     Property,
     Remembered,
     Verdict,
+    WatchPlans,
     due,
+    is_over,
     kind_of,
     unfinished,
 )
-from lupin_engine.properties.clauses import breaches
 
 #: Events that change live values, clocks and texts only.
 _QUIET = frozenset({"value", "clock", "attempt.progress", "timer.fresh"})
+#: How often a breach that is only reported is reported in one mission, in seconds.
+REPORT_EVERY_S = 60.0
 #: A deadline has passed when the clock is beyond it by so much, in seconds: it counts microseconds.
 _PASSED_S = 2e-6
 
-#: The fields of `this_step`, as bits below those of the scope.
-_FIELDS = ("accepted", "released", "begun", "succeeded", "failed", "codes", "moving", "was_in")
-_ANSWERED, _RELEASED, _BEGUN, _SUCCEEDED, _FAILED, _CODES, _MOVING, _WAS_IN = (
-    1 << number for number in range(len(_FIELDS))
-)
-_BITS: Mapping[str, int] = {
-    **{name: 1 << number for number, name in enumerate(_FIELDS)},
-    **dict.fromkeys(("refused", "because"), _ANSWERED),
-}
-#: How far the bits of the scope are moved.
-_SHIFT = len(_FIELDS)
-#: What changes in many steps: a clause without it is the better one to wait for.
-_OFTEN = CONFIGURATION << _SHIFT | _WAS_IN
-_ANYTHING, _EVERY_FIELD = -1, (1 << _SHIFT) - 1
-
-
-class _Asked:
-    """A property of an author, and the bits of which one must be touched before its answer can change.
-
-    For an `always` or a `never` it is enough that a clause of each alternative of its breach is false: only
-    the bits of these clauses count then.
-    """
-
-    __slots__ = ("_is_never", "_ways", "bits", "every", "one")
-
-    def __init__(self, one: Property, rule: TemporalProperty, chart: Chart) -> None:
-        self.one = one
-        codes = (_code_of(each.value) for each in walk(rule, DECIDING) if isinstance(each.value, Expression))
-        every = 0
-        for code in codes:
-            every |= _bits_of(code, chart)
-        if is_bounded(rule) and rule.after is None:
-            every |= _ANSWERED  # it begins with a start
-        #: All that it reads.
-        self.every = every | (CONFIGURATION << _SHIFT if rule.not_meant or rule.mission else 0)
-        self.bits = _ANYTHING
-        self._is_never = rule.never is not None
-        ways = [] if is_bounded(rule) else breaches(rule)
-        self._ways = [[(clause.is_true, _bits_of(clause.code, chart)) for clause in way] for way in ways]
-        for way in self._ways if self._is_never else ():
-            way.sort(key=lambda one: bool(one[1] & _OFTEN))
-
-    def is_kept(self, env: Environment) -> bool:
-        """Return whether clauses are false that would be true at a breach, and wait for these."""
-        found = 0
-        try:
-            for way in self._ways:
-                read = 0
-                for is_true, bits in way:
-                    read |= bits
-                    if not is_true(env):
-                        # A clause before it that cannot be evaluated any more breaks an `always`.
-                        found |= bits if self._is_never else read
-                        break
-                else:
-                    return False
-        except Exception:
-            return False  # the property itself decides
-        self.bits = found
-        return bool(self._ways)
+#: What a property reads beside the scope: `this_step`, and what changes by itself; below the scope's bits.
+_STEP, _ALWAYS, _SHIFT = 1, 2, 2
+_ANYTHING = -1
 
 
 class LiveMonitor:
@@ -114,22 +63,30 @@ class LiveMonitor:
         """Watch the properties that the files of a chart write or name, as far as steps can break them."""
         rules = chart.properties
         self._says = {one.name: one for one in properties_of(chart) if one.name in rules}
-        self._written = [
-            _Asked(one, rules[name], chart) for name, one in self._says.items() if not rules[name].built_in
+        self._plans = WatchPlans(tuple(self._says.values()))
+        #: Those that live values alone may break, with what they read.
+        self._quietly = [
+            (one, _reads(rules[name], chart))
+            for name, one in self._says.items()
+            if one.of_values and not rules[name].built_in
         ]
-        self._named = [one for name, one in self._says.items() if rules[name].built_in]
+        self._of_values = {one.name for one, _ in self._quietly}
+        self._read = reduce(or_, (reads for _, reads in self._quietly), 0)
         #: The states that are not the first, and the deadlines among them.
         self._states: dict[str, Remembered] = {}
         self._waits: dict[str, float] = {}
         #: Those that are broken now, and the reports that the machine has not got yet.
         self._broken: set[str] = set()
         self._pending: dict[str, str] = {}
+        #: When each was reported last in this mission, and how many breaches were left out since then.
+        self._reported: dict[str, tuple[float, int]] = {}
+        self._rules = rules
+        #: Those whose state has changed in the last step.
+        self._changed: set[str] = set()
         self._scope: EvaluationScope | None = None
         self._watch = Watch()
         self._before = Glance()
-        self._fields = 0
-        #: What touches any property of an author.
-        self._bits = _ANYTHING
+        self._was_busy = True
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,48 +103,42 @@ class LiveMonitor:
         if step.event.name == PROPERTY_BROKEN:
             self._pending.pop(step.event.data["property"], None)
             self._broken.add(step.event.data["property"])
+        if step.event.name == START and step.accepted:
+            self._reported.clear()
         dirty, self._watch.dirty = self._watch.dirty, 0
         if step.event.name == "timer.fresh":
             dirty |= input_part(scope.chart, step.event.data["owner"])
-        fields = _fields_of(step) if not is_new else _EVERY_FIELD
-        touched, self._fields = (dirty << _SHIFT) | fields | self._fields, fields
+        is_quiet = not is_new and _is_quiet(step)
+        touched = dirty << _SHIFT | _ALWAYS | (_STEP if self._was_busy else 0)
+        self._was_busy = not is_quiet
         new: list[Event] = []
-        is_busy = bool(step.commands or step.taken or step.accepted)
-        if touched & self._bits or is_busy or self._waits or self._broken:
-            self._ask(Passage(self._before, step, scope), touched, is_busy, new)
-        if fields:
+        if not is_quiet or touched & self._read or self._changed or self._waits or self._broken:
+            self._ask(Passage(self._before, step, scope), touched if is_quiet else None, new)
+        if not is_quiet:
             self._look(scope, dirty)
         return new
 
-    def _ask(self, passage: Passage, touched: int, is_busy: bool, new: list[Event]) -> None:
-        """Ask the properties whose answer a step can change."""
-        if touched & self._bits:
-            self._ask_written([each for each in self._written if each.bits & touched], passage, new)
-        if self._waits:
+    def _ask(self, passage: Passage, touched: int | None, new: list[Event]) -> None:
+        """Ask the properties whose answer a step can change; `touched` is what a quiet one has changed."""
+        changed, self._changed = self._changed, set()
+        if touched is not None:
             now = passage.step.time
-            late = [each for each in self._written if self._waits.get(each.one.name, math.inf) < now]
-            self._ask_written(late, passage, new)
-        kind = kind_of(passage) if is_busy else None
-        for one in self._named if is_busy or self._broken else ():
-            if kind and one.is_asked(kind) and (one.about is None or one.about(passage)):
+            for one, reads in self._quietly:
+                if reads & touched or one.name in changed or self._waits.get(one.name, math.inf) < now:
+                    self._judge(one, passage, new)
+            self._broken &= self._of_values | self._waits.keys()
+            return
+        plans, asked = self._plans, set[str]()
+        for index, _ in plans[kind_of(passage)].asked:
+            one = plans.properties[index]
+            if one.about is None or one.about(passage):
+                asked.add(one.name)
                 self._judge(one, passage, new)
-            else:
-                self._broken.discard(one.name)
+        if self._broken:
+            self._broken &= asked | self._waits.keys()
 
-    def _ask_written(self, asked: list[_Asked], passage: Passage, new: list[Event]) -> None:
-        env = passage.scope.at("", passage.step.time)
-        passage.scope["this_step"] = StepView(passage)
-        for each in asked:
-            if each.is_kept(env):
-                self._broken.discard(each.one.name)
-            else:
-                each.bits = self._judge(each.one, passage, new, each.every)
-        self._bits = 0
-        for each in self._written:
-            self._bits |= each.bits
-
-    def _judge(self, one: Property, passage: Passage, new: list[Event], every: int = 0) -> int:
-        """Ask a property; return what must be touched before it is asked again."""
+    def _judge(self, one: Property, passage: Passage, new: list[Event]) -> None:
+        """Ask a property."""
         name = one.name
         before = self._states.get(name, one.first)
         try:
@@ -195,14 +146,14 @@ class LiveMonitor:
         except Exception as problem:
             state, verdict = before, Verdict(True, f"could not be judged: {reason(problem)}")
         if state != before:
+            self._changed.add(name)
             self._remember(name, state)
         if not verdict.breach:
-            if name not in self._waits:  # a deadline that starts anew does not restore the property
+            # A deadline that starts anew does not restore the property.
+            if self._broken and name not in self._waits:
                 self._broken.discard(name)
-            return every if state == before else _ANYTHING
-        if name not in self._broken:
-            new.append(self._report(name, verdict.breach))
-        return _ANYTHING
+        elif name not in self._broken:
+            new += self._report(name, verdict.breach, passage.step.time)
 
     def _remember(self, name: str, state: Remembered) -> None:
         self._states[name], self._waits[name] = state, due(state)
@@ -211,10 +162,18 @@ class LiveMonitor:
         if math.isinf(self._waits[name]):
             del self._waits[name]
 
-    def _report(self, name: str, breach: str) -> Event:
+    def _report(self, name: str, breach: str, now: float) -> list[Event]:
+        """Return the report of a breach; none where it comes too soon after the last one."""
         self._broken.add(name)
-        self._pending[name] = breach if breach.startswith("property ") else f"property {name}: {breach}"
-        return Event(PROPERTY_BROKEN, {"property": name, "detail": self._pending[name]})
+        last, left_out = self._reported.get(name, (-math.inf, 0))
+        if self._rules[name].breach == "report" and now - last < REPORT_EVERY_S:
+            self._reported[name] = last, left_out + 1
+            return []
+        self._reported[name] = now, 0
+        often = f"; {left_out} times more since the last report" if left_out else ""
+        breach = breach if breach.startswith("property ") else f"property {name}: {breach}"
+        self._pending[name] = f"{breach}{often}"
+        return [Event(PROPERTY_BROKEN, {"property": name, "detail": self._pending[name]})]
 
     def _bind(self, scope: EvaluationScope) -> None:
         """Watch another machine of this chart from now on: all of it is new."""
@@ -225,6 +184,7 @@ class LiveMonitor:
         """Take the glance before the next step, without what only properties of every chart read."""
         memory = scope.memory
         self._before = Glance(
+            settled=frozenset(one.name for one in memory.invocations.values() if is_over(one, memory)),
             mission_id=memory.mission_id,
             unfinished=unfinished(memory) if dirty & ITINERARY else self._before.unfinished,
             configuration=memory.configuration,
@@ -250,7 +210,9 @@ class LiveMonitor:
             name for name, at in self._waits.items() if name not in self._broken and at + _PASSED_S <= now
         ]
         ends = [(name, self._says[name].end(self._states[name], now)) for name in late]
-        return [self._report(name, verdict.breach) for name, verdict in ends if verdict.breach]
+        return [
+            one for name, verdict in ends if verdict.breach for one in self._report(name, verdict.breach, now)
+        ]
 
     # -- restarts ---------------------------------------------------------------------------------------
 
@@ -264,7 +226,9 @@ class LiveMonitor:
     def kept(self) -> dict[str, Any]:
         """Return what it remembers, as JSON data."""
         states = {name: list(state) for name, state in self._states.items()}
-        return {"states": states, "broken": sorted(self._broken), "pending": dict(self._pending)}
+        reported = {name: list(one) for name, one in self._reported.items()}
+        kept = {"states": states, "broken": sorted(self._broken), "pending": dict(self._pending)}
+        return {**kept, "reported": reported}
 
     def begin(self, kept: Mapping[str, Any], scope: EvaluationScope) -> None:
         """Go on from what was kept, with a machine of then; unknown names are left out."""
@@ -275,6 +239,8 @@ class LiveMonitor:
                 self._remember(name, tuple(state))
         self._broken = {name for name in kept.get("broken", ()) if name in known}
         self._pending = {name: text for name, text in kept.get("pending", {}).items() if name in known}
+        reported = kept.get("reported", {}).items()
+        self._reported = {name: (at, left_out) for name, (at, left_out) in reported if name in known}
         self._bind(scope)
         self._look(scope, ITINERARY)
 
@@ -282,39 +248,18 @@ class LiveMonitor:
         """Go on by a clock that is so many seconds ahead."""
         for name, state in list(self._states.items()):
             self._remember(name, tuple(at + seconds for at in state))
+        self._reported = {name: (at + seconds, left_out) for name, (at, left_out) in self._reported.items()}
 
 
-def _fields_of(step: Step) -> int:
-    """Return the fields of `this_step` that are not as usual, as bits; 0: nothing but live values."""
-    if step.event.name in _QUIET and not (step.changed or step.codes or step.notes):
-        return 0
-    found = _MOVING
-    if step.accepted is not None:
-        found |= _ANSWERED
-    if step.notes:
-        found |= _RELEASED
-    if step.commands and any(isinstance(command, Start) for command in step.commands):
-        found |= _BEGUN
-    if step.taken:
-        found |= _SUCCEEDED
-        if any(".on_error" in name for name in step.taken):
-            found |= _FAILED
-    if step.codes:
-        found |= _CODES
-    return found | _WAS_IN if step.exited or step.entered else found
+def _is_quiet(step: Step) -> bool:
+    """Return whether a step changes live values, clocks and texts only."""
+    return step.event.name in _QUIET and not (step.changed or step.codes or step.notes)
 
 
-def _code_of(value: Expression) -> str | None:
-    """Return the checked code of an expression; None where it has none."""
-    return value.evaluate.code if isinstance(value.evaluate, Compiled) else None
-
-
-def _bits_of(code: str | None, chart: Chart) -> int:
-    """Return what code reads as bits; everything, where that is not known or changes by itself."""
-    if code is None:
-        return _ANYTHING
-    reads = Reads(chart, [Expression(code, Place("", 1, 1), BOOL, Compiled(code))])
-    fields = 0
-    for root, name in reads_of(code):
-        fields |= _BITS.get(name, _EVERY_FIELD) if root == "this_step" else 0
-    return reads.parts << _SHIFT | fields if reads.certain else _ANYTHING
+def _reads(rule: TemporalProperty, chart: Chart) -> int:
+    """Return what a property reads as bits; everything, where that is not known or changes by itself."""
+    conditions = [each.value for each in walk(rule, DECIDING) if isinstance(each.value, Expression)]
+    reads = Reads(chart, conditions)
+    codes = (one.evaluate.code for one in conditions if isinstance(one.evaluate, Compiled))
+    of_step = any(root == "this_step" for code in codes for root, _ in reads_of(code))
+    return reads.parts << _SHIFT | (_STEP if of_step else 0) if reads.certain else _ANYTHING

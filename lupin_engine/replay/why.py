@@ -13,7 +13,7 @@ from typing import Any
 from lupin_engine.chart.expressions.condition import Condition
 from lupin_engine.chart.expressions.evaluation import Compiled, Environment
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import LupinError, Place, nearest
+from lupin_engine.errors import LupinError, Place, guessed, nearest
 from lupin_engine.machine.event import PROPERTY_BROKEN, Start
 from lupin_engine.machine.scope import reads_of
 from lupin_engine.machine.step import Step
@@ -191,11 +191,15 @@ class Inquiry:
             return Explanation(text, self._causes(self._chain(found)))
         if name in self._chart.properties:
             raise NothingKnown(f"this run did not break {name}")
-        raise NothingKnown(f"no property is called {name!r}; {nearest(name, self._chart.properties)}")
+        known = sorted(self._chart.properties)
+        raise NothingKnown(
+            f"no property is called {name!r}; {nearest(name, known)}\nproperties: {', '.join(known)}"
+        )
 
-    def is_property(self, name: str) -> bool:
-        """Return whether a property of the missions has this name."""
-        return name in self._chart.properties
+    def is_property(self, name: str, misspelt: bool = False) -> bool:
+        """Return whether a property of the missions has this name, or a `misspelt` one is like it."""
+        known = self._chart.properties
+        return bool(guessed(name, known)) if misspelt else name in known
 
     def moment(self, wall: float) -> Explanation:
         """Return where the run was at a time of the wall clock, and the cause of that.

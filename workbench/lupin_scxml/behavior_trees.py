@@ -80,7 +80,7 @@ class _Converter:
     def __init__(self, trees: Mapping[str, Element]) -> None:
         self._trees = trees
         self._notes = Notes()
-        self._taken = {"DONE", "TREE_FAILED"}
+        self._taken = {"TREE_FAILED"}
         self._counters: dict[str, Any] = {}
         #: The state that each child of a chain begins with.
         self._firsts: dict[Element, str] = {}

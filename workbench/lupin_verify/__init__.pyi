@@ -34,7 +34,6 @@ from .rates import default_rates as default_rates
 from .rates import read_rates as read_rates
 from .reached import Unreached as Unreached
 from .situations.explorer import Bounds as Bounds
-from .situations.found import INTERRUPTED as INTERRUPTED
 from .situations.found import ExplorationProgress as ExplorationProgress
 from .story import FailingScenario as FailingScenario
 from .story import failing_scenario as failing_scenario

@@ -27,7 +27,7 @@ from lupin_verify.situations.explorer import (
     Bounds,
     SituationExplorer,
 )
-from lupin_verify.situations.found import Breach, ExplorationProgress, Explored
+from lupin_verify.situations.found import INTERRUPTED, Breach, ExplorationProgress, Explored
 from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH, OF_THE_GRAPH, Graph, GraphProperty, broken
 from lupin_verify.situations.levels import explore
 from lupin_verify.situations.moves import move_text
@@ -83,8 +83,9 @@ class Proof:
     `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
     was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads of
     which not all classes were tried, `cut` all that the proof is limited to. `parameters` has all values;
-    `varied` says which one is not as given. `outcomes` were collected for a page. It took so many `seconds`,
-    and so much time of the `processor` (s).
+    `varied` says which one is not as given. `outcomes` were collected for a page. `targets` is the most
+    elements of a list, None in a chart without lists; `beyond` says why the default went no further. It took
+    so many `seconds`, and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -102,8 +103,15 @@ class Proof:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
     outcomes: tuple[CauseOutcome, ...] = ()
+    targets: int | None = None
+    beyond: str = ""
     seconds: float = 0.0
     processor: float = 0.0
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C has ended it, or its continuation with longer lists."""
+        return INTERRUPTED in (self.stopped, self.beyond)
 
     @property
     def broken(self) -> list[Proven]:
@@ -197,6 +205,7 @@ def prove(
         tuple(_cut(explorer)),
         dict(world.parameters),
         outcomes=tuple(collected(explored.relevant)),
+        targets=bounds.targets if _has_lists(world.chart) else None,
     )
 
 
@@ -333,15 +342,20 @@ class _Judge:
 
 def _cut(explorer: SituationExplorer) -> Iterator[str]:
     """Yield what a proof is limited to, of what this chart has."""
-    chart, most = explorer.chart, explorer.bounds.targets
-    states = chart.states.values()
-    fields = (field.type for mission in chart.missions.values() for field in mission.request.values())
-    if any(one.itinerary or one.for_each for one in states) or any(kind.kind == "list" for kind in fields):
+    most = explorer.bounds.targets
+    if _has_lists(explorer.chart):
         yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
     if explorer.moves.cuts_waiting:
         yield f"up to {explorer.bounds.deferred} events of each kind that wait in a hold"
     if explorer.classes.left_out:
         yield "the values that were tried"
+
+
+def _has_lists(chart: Chart) -> bool:
+    """Return whether the number of elements of itineraries and lists matters to a chart."""
+    fields = (field.type for mission in chart.missions.values() for field in mission.request.values())
+    states = chart.states.values()
+    return any(one.itinerary or one.for_each for one in states) or any(one.kind == "list" for one in fields)
 
 
 def _is_meant(chart: Chart, name: str) -> bool:
@@ -378,7 +392,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         " events of plugins come at any time.",
         f"During a hold at most {bounds.deferred} events of each kind, and as many times of day, wait for the"
         " release.",
-        "The robot's clock may come to any time of day between two steps; nobody sets it.",
+        "The robot's clock may come to any time of day between two steps; it is not adjusted.",
         "If an operation sets a live value (such as the pose), that value is known before the operation"
         " succeeds.",
     ]

@@ -2,6 +2,7 @@
 
 Each process makes one proof after the other; with one job this process does. A single proof is not parallel,
 because its cache of effects is local to a process. Ctrl-C stops all proofs; each returns its result so far.
+Longer lists are explored only when each mission has been proven with short ones.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import copyreg
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +31,7 @@ from lupin_verify.proof import Proof, prove
 from lupin_verify.situations.classes import parameter_classes
 from lupin_verify.situations.explorer import Bounds
 from lupin_verify.situations.found import INTERRUPTED, ExplorationProgress
+from lupin_verify.widening import widen
 
 #: How far a proof is: its number, and how long it has been under way (s).
 ProofNews = tuple[int, ExplorationProgress, float]
@@ -41,13 +43,14 @@ REPORT_EVERY = 1.0
 class ProofTask:
     """One proof: of a mission with some parameters; `varied` names the parameter that is not as given.
 
-    `outcomes` is the page of outcomes to prove, if any, or `NEW`.
+    `outcomes` is the page of outcomes to prove, if any, or `NEW`. One that `widens` goes on to longer lists.
     """
 
     mission: str
     parameters: Mapping[str, Any]
     varied: str = ""
     outcomes: Path | None = None
+    widens: bool = False
 
 
 def proof_tasks(
@@ -56,31 +59,45 @@ def proof_tasks(
     given: Mapping[str, Any],
     every: bool,
     outcomes: Path | None = None,
+    widens: bool = False,
 ) -> list[ProofTask]:
     """Return the proofs of a mission: as given, and for `every` also each other class of one parameter."""
-    found = [ProofTask(mission, given, "", outcomes)]
+    found = [ProofTask(mission, given, "", outcomes, widens)]
     if outcomes is not None and (outcomes == NEW or is_written(outcomes)):
         outcomes = None  # such a page is about the given parameters
     world = make_world(loaded.chart, given)
     for name, value in parameter_classes(world) if every else ():
         if name not in given:
-            found.append(ProofTask(mission, {**given, name: value}, f"{name} = {shorten(value)}", outcomes))
+            varied = f"{name} = {shorten(value)}"
+            found.append(ProofTask(mission, {**given, name: value}, varied, outcomes, widens))
     return found
 
 
 def _prove(
-    task: ProofTask, loaded: LoadedMissions, bounds: Bounds, stop_reason: Callable[[ExplorationProgress], str]
+    task: ProofTask,
+    loaded: LoadedMissions,
+    bounds: Bounds,
+    stop_reason: Callable[[ExplorationProgress], str],
+    shorter: Proof | None = None,
 ) -> Proof:
-    began, processor = time.monotonic(), time.process_time()
-    proof = prove(make_world(loaded.chart, task.parameters), bounds, stop_reason, task.outcomes)
-    varied = (f"In this proof {task.varied}.",) if task.varied else ()
-    return replace(
-        proof,
-        bounds=(*varied, *proof.bounds),
-        varied=task.varied,
-        seconds=time.monotonic() - began,
-        processor=time.process_time() - processor,
-    )
+    """Make a proof; given that of `shorter` lists, go on from it to longer ones."""
+
+    def made(bounds: Bounds, also: Callable[[ExplorationProgress], str] = lambda _: "") -> Proof:
+        began, processor = time.monotonic(), time.process_time()
+        world = make_world(loaded.chart, task.parameters)
+        proof = prove(world, bounds, lambda one: stop_reason(one) or also(one), task.outcomes)
+        varied = (f"In this proof {task.varied}.",) if task.varied else ()
+        return replace(
+            proof,
+            bounds=(*varied, *proof.bounds),
+            varied=task.varied,
+            seconds=time.monotonic() - began,
+            processor=time.process_time() - processor,
+        )
+
+    if shorter is None:
+        return made(bounds)
+    return widen(shorter, bounds, made) if task.widens else shorter
 
 
 def prove_tasks(
@@ -99,30 +116,49 @@ def prove_tasks(
     """
     workers, began = min(jobs, len(tasks)), time.monotonic()
     if workers < 2:
-        made: list[Proof] = []
-        for number, task in enumerate(tasks):
-            look = _stop_check(partial(report, number), lambda: _is_interrupted(made), seconds, began)
-            made.append(_prove(task, loaded[task.mission], bounds, look))
-        return made
+        return _in_turn(tasks, loaded, bounds, seconds, report)
     context = get_context("spawn")
     stop = context.Event()
     news = context.SimpleQueue()
     with WorkerProcesses(workers, _begin, stop, news, seconds, began) as pool:
-        # Starting processes inherit that Ctrl-C is ignored: only this one handles it.
-        usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            asked = [pool.submit(_prove_here, number, task, bounds) for number, task in enumerate(tasks)]
-        finally:
-            signal.signal(signal.SIGINT, usual)
-        _gather(asked, stop, news, report)
-        proofs = [future.result() for future in asked]
+
+        def make_all(shorter: Sequence[Proof | None]) -> list[Proof]:
+            # Starting processes inherit that Ctrl-C is ignored: only this one handles it.
+            usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
+            try:
+                each = enumerate(zip(tasks, shorter, strict=True))
+                asked = [pool.submit(_prove_here, number, task, bounds, one) for number, (task, one) in each]
+            finally:
+                signal.signal(signal.SIGINT, usual)
+            _gather(asked, stop, news, report)
+            return [future.result() for future in asked]
+
+        proofs = make_all([None] * len(tasks))
+        if any(task.widens for task in tasks) and not stop.is_set():
+            proofs = make_all(proofs)
     return [
         replace(proof, chart=loaded[task.mission].chart) for proof, task in zip(proofs, tasks, strict=True)
     ]
 
 
-def _is_interrupted(made: Sequence[Proof]) -> bool:
-    return bool(made) and made[-1].stopped == INTERRUPTED
+def _in_turn(
+    tasks: Sequence[ProofTask],
+    loaded: Mapping[str, LoadedMissions],
+    bounds: Bounds,
+    seconds: float | None,
+    report: Callable[[int, ExplorationProgress, float], None],
+) -> list[Proof]:
+    """Make proofs in this process."""
+    made: dict[int, Proof] = {}
+    began = time.monotonic()
+    for number, task in (*enumerate(tasks), *enumerate(tasks)):
+        look = _stop_check(partial(report, number), lambda: _is_interrupted(made.values()), seconds, began)
+        made[number] = _prove(task, loaded[task.mission], bounds, look, made.get(number))
+    return list(made.values())
+
+
+def _is_interrupted(made: Iterable[Proof]) -> bool:
+    return any(proof.interrupted for proof in made)
 
 
 def _gather(
@@ -182,10 +218,10 @@ def _unchanging(found: dict[str, Any]) -> MappingProxyType[str, Any]:
     return MappingProxyType(found)
 
 
-def _prove_here(number: int, task: ProofTask, bounds: Bounds) -> Proof:
+def _prove_here(number: int, task: ProofTask, bounds: Bounds, shorter: Proof | None) -> Proof:
     news, stop = _news, _stop
     assert news is not None, "the process has begun"
     assert stop is not None, "the process has begun"
     look = _stop_check(lambda *how_far: news.put((number, *how_far)), stop.is_set, _seconds, _began)
     loaded = load_missions([task.mission], load_catalog())
-    return replace(_prove(task, loaded, bounds, look), chart=None)  # type: ignore[arg-type]
+    return replace(_prove(task, loaded, bounds, look, shorter), chart=None)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from typing import Any
 from lupin_engine.chart import Chart, State
 from lupin_engine.errors import LupinError
 from lupin_engine.machine import Step
-from lupin_engine.plugin import OWN_HOLDS, START
+from lupin_engine.plugin import START
 from lupin_engine.properties import STANDSTILL
 from lupin_engine.replay import RunRecord, script_of, yaml_text
 from lupin_engine.runtime import History, requests_of
@@ -154,7 +154,7 @@ def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, 
     if not broken.of_the_graph or broken.name == NO_ZENO:
         return found
     if broken.name in (SILENCE, NO_LIVELOCK):
-        found |= _comes("somebody_is_told", _reporting(chart))
+        found |= _comes("somebody_is_told", ["this_step.waiting"])
     if broken.name == SILENCE:
         silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
         found["mocks"] = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
@@ -198,9 +198,9 @@ def _helpful(chart: Chart) -> list[str]:
     return sorted((name for name in names if name not in engaging), key=lambda name: name == abort)
 
 
-def _comes(name: str, states: Sequence[str]) -> dict[str, Any]:
+def _comes(name: str, conditions: Sequence[str]) -> dict[str, Any]:
     """Return the property that one of these conditions soon comes true, as what alone is expected."""
-    some = " or ".join(states)
+    some = " or ".join(conditions)
     rule = {"after": f"not ({some})", "eventually": some, "within": _SOON}
     return {"properties": {name: rule}, "expect": {"only": name}}
 
@@ -209,13 +209,6 @@ def _home(chart: Chart) -> list[str]:
     """Return conditions for the states in which a mission could begin."""
     stages = chart.profile.stages
     return _in_one_of(chart, lambda one: one.label in (*stages.ended, *stages.ready))
-
-
-def _reporting(chart: Chart) -> list[str]:
-    """Return conditions for what shows that a mission waits for somebody, or has ended."""
-    labels = {*chart.profile.stages.over, *chart.profile.stages.ready, *chart.profile.stages.starting}
-    shown = _in_one_of(chart, lambda one: one.paused or one.ask is not None or one.label in labels)
-    return [*shown, *(f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS))]
 
 
 def _in_one_of(chart: Chart, is_one: Callable[[State], bool]) -> list[str]:

@@ -385,15 +385,21 @@ class _Composer:
                         check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
                     if read is not None:
                         found[own] = read
+        former = {one.formerly: name for f in files for name, one in f.properties.items() if one.formerly}
         for mission in self._requested:
-            self._not_meant(mission, found)
+            self._not_meant(mission, found, former)
         return found
 
-    def _not_meant(self, mission: MissionNode, found: dict[str, TemporalProperty]) -> None:
-        """Note the inherited properties that a mission does not mean."""
+    def _not_meant(
+        self, mission: MissionNode, found: dict[str, TemporalProperty], former: Mapping[str, str]
+    ) -> None:
+        """Note the inherited properties that a mission does not mean; former names have their new ones."""
         inherited = [name for name in found if name not in mission.properties]
         for name, why in mission.not_meant.items():
             place, path = mission.key_at("not_meant", name), f"not_meant.{name}"
+            if name in former and name not in found:
+                problem, name = f"the property {name!r} is called {former[name]!r} now", former[name]
+                self._findings.warn(place, "unknown-property", path, problem, f"write '{name}: REASON'")
             if name in mission.properties:
                 problem = f"the property {name!r} stands in this file"
                 self._findings.add(place, "conflicting-definition", path, problem, "remove one of the two")
@@ -422,7 +428,7 @@ class _Composer:
         """Yield the scope of such a condition, without values that differ between uses of its part."""
         usage = Usage()
         mission = file.name if isinstance(file, MissionNode) else ""
-        yield replace(timeless(self._scope_of(file, mission), what, self._catalog), usage=usage)
+        yield replace(timeless(self._scope_of(file, mission), what, self._catalog, self._codes), usage=usage)
         for family in ("parameters", "functions", "inputs"):
             getattr(self._usage, family).update(getattr(usage, family))
         given = set().union(*self._bound.get(file.title, []))

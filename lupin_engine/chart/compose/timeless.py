@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from lupin_engine.chart.compose.declare import CLOCK, input_type
 from lupin_engine.chart.documents import PropertyNode
 from lupin_engine.chart.expressions.evaluation import Expression
+from lupin_engine.chart.expressions.guards import FALSE, TRUE, formula_of, implies, negate, possible
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.units import one
 from lupin_engine.chart.expressions.values import read_guard, read_key
@@ -16,7 +17,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Place, Severity
-from lupin_engine.plugin.contract import OWN_HOLDS
+from lupin_engine.plugin.contract import ENGINE_CODES, OPERATION_CODES, OWN_HOLDS
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, DURATION, TEXT, Type, list_of
 
@@ -42,24 +43,28 @@ _KINDS = (*_CONDITIONS, *_PLACES)
 _MORE = ("within", "after", "until")
 
 
-def timeless(scope: Scope, what: str, catalog: Catalog) -> Scope:
+def timeless(scope: Scope, what: str, catalog: Catalog, codes: Iterable[str]) -> Scope:
     """Return a scope for conditions about every moment: no temporary names, but the engine's own holds.
 
-    `what` is `invariant` or `property`. A property sees the step. It may read the request of a mission: it is
-    about that mission's runs then.
+    `what` is `invariant` or `property`; `codes` are those that the chart declares. A property sees the step.
+    It may read the request of a mission: it is about that mission's runs then.
     """
     verb = "holds at" if what == "invariant" else "is about"
     for name in _MOMENTARY:
         if (what, name) != ("property", "request") or name not in scope.names:
             scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
     scope = replace(scope, holds=(*scope.holds, *OWN_HOLDS))
-    return scope if what == "invariant" else scope.with_names({"this_step": _step(catalog, scope.holds)})
+    return (
+        scope if what == "invariant" else scope.with_names({"this_step": _step(catalog, scope.holds, codes)})
+    )
 
 
-def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
+def _step(catalog: Catalog, holds: Iterable[str], codes: Iterable[str]) -> Type:
     """Return the type of what a property sees of a step; see `properties.authored`."""
     operations = list_of(Type("text", "operation", values=tuple(catalog.operations)))
     request = Type("text", "request", values=("", *catalog.profile.events))
+    of_operations = (code.name for one in catalog.operations.values() for code in one.codes)
+    known = dict.fromkeys((*codes, *of_operations, *ENGINE_CODES, *OPERATION_CODES))
     fields = {
         "accepted": request,
         "refused": request,
@@ -68,9 +73,11 @@ def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
         "begun": operations,
         "succeeded": operations,
         "failed": operations,
+        "given_up": operations,
         "bypassed": operations,
-        "codes": list_of(TEXT),
+        "codes": list_of(Type("text", "code", values=tuple(known))),
         "moving": BOOL,
+        "waiting": BOOL,
     }
     return Type("record", "this_step", fields=fields)
 
@@ -89,7 +96,10 @@ def scope_of(chart: Chart) -> Scope:
         names["request"] = Type("record", "request", fields=fields)
     states = tuple(name for name in chart.states if name)
     return timeless(
-        Scope(names, chart.catalog.functions, states, tuple(chart.holds)), "property", chart.catalog
+        Scope(names, chart.catalog.functions, states, tuple(chart.holds)),
+        "property",
+        chart.catalog,
+        chart.codes,
     )
 
 
@@ -109,6 +119,7 @@ def read_property(
     within = read_key(node, "within", DURATION, scope, findings, path)
     if len(findings.errors) > known:
         return None
+    _warn_of_what_cannot_break(said, place, path, findings)
     sources = [each.source for each in (*said.values(), within) if isinstance(each, Expression)]
     sources += [source for found in places.values() for source in found]
     begins_anew = any(places.values()) or (node.until is not None and node.after is None)
@@ -130,6 +141,28 @@ def read_property(
         breach=node.breach,
         code=node.code,
     )
+
+
+def _warn_of_what_cannot_break(
+    said: Mapping[str, Expression | None], place: Place, path: str, findings: Findings
+) -> None:
+    """Warn of a property that holds in every run, whatever the mission does."""
+    known = {key: formula_of(one.source) for key, one in said.items() if one is not None}
+    until, after = known.get("until", FALSE), known.get("after", TRUE)
+    breach = known.get("never") or (negate(known["always"]) if "always" in known else TRUE)
+    if not possible(breach):
+        why, hint = "its condition is a constant", "write what may be false"
+    elif until != FALSE and implies(after, until):
+        why, hint = "'until' is true whenever 'after' is, so it never begins", "leave one of them out"
+    elif until != FALSE and "eventually" not in known and implies(breach, until):
+        broken = "'never' is" if "never" in known else "'always' is not"
+        why = f"'until' is true whenever {broken}"
+        hint = "write as 'until' what ends it before a breach"
+    elif "eventually" in known and "after" in known and implies(after, known["eventually"]):
+        why, hint = "what shall come is true whenever 'after' is", "write what is not true yet"
+    else:
+        return
+    findings.warn(place, "never-breaks", path, f"no run can break it: {why}", hint)
 
 
 def _read_places(

@@ -31,6 +31,7 @@ from lupin_engine.chart.rules.visits import published_twice, visits
 from lupin_engine.chart.rules.walks import begins_anew, silent_fault, untold_rest
 from lupin_engine.chart.rules.ways import (
     dead_end,
+    names_no_mission,
     never_happens,
     unreachable_state,
     waits_for_ever,
@@ -83,6 +84,7 @@ LOCAL: tuple[Rule, ...] = (
 #: Rules that follow transitions through the chart, or ask what a state contains.
 GLOBAL: tuple[Rule, ...] = (
     never_happens,
+    names_no_mission,
     waits_for_ever,
     waits_for_the_world,
     unreachable_state,

@@ -10,6 +10,7 @@ from lupin_engine.chart.rules.graph import components
 from lupin_engine.chart.rules.index import Index
 from lupin_engine.chart.semantics import FAULT, TIMERS
 from lupin_engine.errors import Diagnostic, Severity
+from lupin_engine.plugin.profile import ANSWER, START
 
 # -- never-happens, no-deadline ---------------------------------------------------------------------------
 
@@ -25,6 +26,20 @@ def never_happens(index: Index) -> Iterator[Diagnostic]:
             yield Diagnostic(node.key_at("on_error"), "never-happens", state.name, problem, "remove it")
         if node.on_done and not _can_be_done(index.chart, state):
             yield Diagnostic(node.key_at("on_done"), "never-happens", state.name, *_endless(index, state))
+
+
+def names_no_mission(index: Index) -> Iterator[Diagnostic]:
+    """Find a request that would begin a mission and names none, so that it is always refused."""
+    if index.slot is None:
+        return
+    slot = index.slot
+    back = next((name for name in slot.children if index.chart.states[name].kind is Kind.HISTORY), "")
+    go_on = f"write 'target: {'.'.join(back.split('.')[-2:])}' to go on with the one that was left"
+    for rule in index.ways_to.get(slot.name, ()):
+        if rule.event != START and rule.event.startswith(("operator.", ANSWER)):
+            problem = f"{rule.event} names no mission to begin, so it would be refused"
+            hint = go_on if back else f"give {slot.local_name} a history, and lead there"
+            yield Diagnostic(rule.place, "never-wins", rule.id, problem, hint, Severity.WARN)
 
 
 def _endless(index: Index, state: State) -> tuple[str, str]:
@@ -82,7 +97,7 @@ def _why_no_end(index: Index, state: State) -> str:
     ways = [t for t in every if t.target is not None and t.event not in ("done", "error")]
     raised = _raised(index)
     if not ways:
-        return "only the lifecycle leads out: nobody is told"
+        return "only the lifecycle leads out, and nothing reports the wait"
     if all(_comes_from_the_world(t.event, raised) for t in ways):
         return f"{ways[0].event}, which leads out, may never come"
     return ""

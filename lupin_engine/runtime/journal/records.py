@@ -21,7 +21,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import Event
+from lupin_engine.machine.event import FORMER_NAMES, Event
 from lupin_engine.runtime.journal.frames import FAMILY, MAGIC, read_frames
 from lupin_engine.runtime.journal.shorthand import SHORT_PROGRESS, SHORT_VALUE, Shorthand, progress_of
 
@@ -117,7 +117,7 @@ class JournalRecord:
         if self.kind == VALUE:
             name, value, stamp = self.data
             return Event("value", {"name": name, "value": value, "stamp": stamp})
-        return Event(self.data[0], self.data[1])
+        return Event(FORMER_NAMES.get(self.data[0], self.data[0]), self.data[1])
 
     @property
     def origin(self) -> Mapping[str, str]:

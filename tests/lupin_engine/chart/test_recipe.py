@@ -75,6 +75,7 @@ ELSEWHERE = {
     **{(node, "summary"): "for the editor" for node in BECOMES if node not in TOLD},
     (d.RaiseNode, "event"): "one of the arguments",
     (d.InputNode, "unit"): "for the reader",
+    (d.PropertyNode, "formerly"): "the name of an exemption",
     **{(node, key): "is in the type" for node in (d.VariableNode, d.RequestFieldNode) for key in IN_TYPES},
 }
 #: Values, on which something depends or that are handed on.

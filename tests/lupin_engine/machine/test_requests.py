@@ -103,6 +103,12 @@ def test_what_is_given_counts_where_it_is_empty_or_zero() -> None:
     assert bench.machine.memory.request == {"flag": False}
 
 
+def test_a_request_without_a_mission_begins_none() -> None:
+    """What leads to the slot, and is no start, is refused; the checker warns of it."""
+    refused = ready().send("mission.start").refusal
+    assert refused == Refusal("unknown_mission", "it names no mission to begin")
+
+
 def test_the_mission_of_the_request_is_entered() -> None:
     """The slot's child is the mission that was asked for."""
     bench = ready()

@@ -135,12 +135,32 @@ def begun(folder: Path, says: str) -> Robot:
 def test_a_breach_is_reported_in_the_next_step_once_until_it_holds_again(tmp_path: Path) -> None:
     """By the engine's code where its author gives none, and nothing else happens."""
     robot = begun(tmp_path, NEVER)
-    for at, charge in ((1.0, 0.16), (2.0, 0.14), (3.0, 0.13), (4.0, 0.2), (5.0, 0.12)):
+    for at, charge in ((1.0, 0.16), (2.0, 0.14), (3.0, 0.13), (4.0, 0.2), (62.0, 0.12)):
         robot.sees("battery", charge, at)
-    assert robot.codes == [(2.0, "property_broken", LOW), (5.0, "property_broken", LOW)]
+    assert robot.codes == [(2.0, "property_broken", LOW), (62.0, "property_broken", LOW)]
     broken = [index for index, step in enumerate(robot.steps) if step.event.name == PROPERTY_BROKEN]
     assert [robot.steps[index - 1].event.data.get("value") for index in broken] == [0.14, 0.12]
     assert (robot.held, robot.steps[-1].configuration[1]) == ([], "MISSION")
+
+
+def test_a_breach_that_comes_and_goes_is_counted(tmp_path: Path) -> None:
+    """Of a report at most one in a minute of a mission; a hold is engaged each time."""
+    robot = begun(tmp_path, NEVER)
+    for second in range(2, 70):
+        robot.sees("battery", 0.14 if second % 2 else 0.2, float(second))
+    more = f"{LOW}; 29 times more since the last report"
+    assert robot.codes == [(3.0, "property_broken", LOW), (63.0, "property_broken", more)]
+    robot.engine.request(Event("operator.skip_current"))
+    robot.engine.request(Event("mission.start", {"mission_type": "Stand", "mission_id": "m2"}))
+    robot.sees("battery", 0.2, 70.0)
+    robot.sees("battery", 0.14, 71.0)
+    assert robot.codes[-1] == (71.0, "property_broken", LOW), "another mission reports it again"
+    robot = begun(tmp_path, f"{NEVER}, breach: hold")
+    for second in (2, 3, 4):
+        robot.sees("battery", 0.14, second)
+        assert robot.held == ["breached"]
+        robot.engine.request(Event("operator.resume"))
+        robot.sees("battery", 0.2, second + 0.5)
 
 
 def test_its_author_says_that_it_holds_the_robot(tmp_path: Path) -> None:
@@ -196,8 +216,8 @@ def test_what_cannot_be_judged_is_a_breach_and_stops_no_loop(tmp_path: Path) -> 
     def fails(*_: object) -> Any:
         raise LookupError("nothing there")
 
-    each = robot.watch._written[0]
-    each.one = replace(each.one, watch=fails)
+    one, reads = robot.watch._quietly[0]
+    robot.watch._quietly[0] = (replace(one, watch=fails), reads)
     robot.sees("battery", 0.14, 2.0)
     assert [text for _, _, text in robot.codes] == ["property charged: could not be judged: nothing there"]
 

@@ -122,6 +122,12 @@ def test_a_moment_tells_where_it_was_and_what_it_waited_for() -> None:
         (lambda run: run.state("DOCKED"), "this run did not come to DOCKED"),
         (lambda run: run.target("9"), "this run knows of no tag '9'; allowed: '1', '2', '3'"),
         (lambda run: run.moment(BEGAN - 1.0), "this run had not begun then"),
+        (lambda run: run.breach("ends_at_home"), "this run did not break ends_at_home"),
+        (
+            lambda run: run.breach("ends_at_hom"),
+            "no property is called 'ends_at_hom'; did you mean 'ends_at_home'?\n"
+            f"properties: {', '.join(sorted(shipped.mission('inspection').properties))}",
+        ),
     ],
 )
 def test_what_a_run_does_not_know_it_says(question, text: str) -> None:  # type: ignore[no-untyped-def]

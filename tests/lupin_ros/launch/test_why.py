@@ -103,3 +103,8 @@ def test_a_run_that_is_over_is_listed_and_explained(
         "lupin: no state is called 'DOCKD'; did you mean 'DOCKED'?\n"
         "this run knows of no tag 'DOCKD'; allowed: '1', '2'\n"
     )
+    misspelt = ask("why", "drives_localised")
+    assert misspelt.returncode == 2
+    assert misspelt.stderr.startswith(
+        "lupin: no property is called 'drives_localised'; did you mean 'drives_localized'?\nproperties: "
+    )

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import lupin_engine
 from lupin_cli.main import main
+from lupin_engine.missions.selection import load_missions
+from tests import shipped
 from tests.workbench.lupin_cli.test_learn import journal as journal
 
 ROOT = Path(__file__).parents[3]
@@ -73,8 +76,10 @@ def test_prove_lists_how_near_robots_came(journal: Path, capsys: pytest.CaptureF
 
 MISSION = """\
 mission: Stand
+initial: STANDING
 states:
-  STANDING: {after: {1 s: done}}
+  STANDING: {after: {1 s: [{guard: reason == 'abort', target: SPARE}, {target: done}]}}
+  SPARE: {after: {1 s: done}}
   done: {type: final}
 """
 
@@ -95,13 +100,22 @@ def test_a_report_fills_a_safety_case(journal: Path, tmp_path: Path) -> None:
     heads = [line for line in text.splitlines() if line.startswith("#")]
     assert heads == [
         "# Safety case: Stand",
+        "## System",
         "## Claims and their evidence",
         "## Evidence as a whole",
         "## Assumptions",
         "## What was cut, and what is not shown",
-        "## Versions",
+        "## Origin",
         "## Signatures",
     ]
+    loaded = load_missions([str(mission)], shipped.catalog())
+    assert f"| Mission | Stand |\n| Files | {', '.join(loaded.short_names.values())} |\n" in text
+    assert (
+        f"| SHA-256 of the files | {loaded.hash} |\n| Engine | Lupin engine {lupin_engine.__version__}, "
+        in text
+    )
+    assert f"| Plugins | {', '.join(loaded.plugins)} |\n| SHA-256 of their catalogs | " in text
+    assert "- Never entered: stand.yaml:5:3, state SPARE.\n" in text
     (home,) = [line for line in text.splitlines() if line.startswith("| ends_at_home |")]
     assert "| lifecycle | holds | 0 violations, looked at 12 times | broken 0 times, missions: 8 |" in home
     assert "| Tests | 2 scenarios, 0 failed |" in text

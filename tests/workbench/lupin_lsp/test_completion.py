@@ -193,7 +193,7 @@ CASES = {
     "states to ask for": (LIFECYCLE, "in_state('PREPARE')", "in_state('|')", ROOT_STATES[:3], 21),
     "words of a property": (
         INSPECTION, "initial: PREPARE", "properties: {tour: {|}}\ninitial: PREPARE",
-        ["always", "never", "eventually", "visit_all", "visit_in_order", "within", "after", "until"], 12,
+        ["always", "never", "eventually", "visit_all", "visit_in_order", "within", "after", "until"], 13,
     ),
     "states to visit": (
         INSPECTION, "initial: PREPARE", "properties:\n  tour: {visit_all: [in_state('|')]}\ninitial: PREPARE",

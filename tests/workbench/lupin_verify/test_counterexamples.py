@@ -325,6 +325,19 @@ CORRECTED = {
         "{9 s: A}",
         "{9 s: done}",
     ),
+    "a circle asks": (
+        "no_livelock",
+        "A: {after: {9 s: B}, on: {operator.dock: done}}, B: {after: {9 s: A}}",
+        "{9 s: A}}",
+        "{9 s: ASK}}, ASK: {ask: {question: Go on?, choices: {go_on: Yes}, default: go_on, after: 1 h},"
+        " on: {answer.go_on: A}}",
+    ),
+    "a circle pauses": (
+        "no_livelock",
+        "A: {after: {9 s: B}, on: {operator.dock: done}}, B: {after: {9 s: A}}",
+        "B: {after: {9 s: A}}",
+        "B: {paused: true, on: {operator.resume: A}}",
+    ),
     "an abort ends a drive": (
         "abort_stops",
         f"GO: {{invoke: {DRIVE}, on_done: done, on_error: done,"

@@ -182,7 +182,7 @@ BOUNDS = """\
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.
     During a hold at most 2 events of each kind, and as many times of day, wait for the release.
-    The robot's clock may come to any time of day between two steps; nobody sets it.
+    The robot's clock may come to any time of day between two steps; it is not adjusted.
     If an operation sets a live value (such as the pose), that value is known before the operation succeeds.
     The process does not end, and missions are not reloaded.
     Values on which no condition depends are not distinguished: reason.

@@ -117,7 +117,8 @@ def test_inspection_is_proven() -> None:
     assert all(0.5 <= found / proof.progress.situations <= 2.0 for found in estimates), estimates
     assert proof.broken == []
     not_held = {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS}
-    assert not_held == {"invariants", "answers_lead_on"}  # it has neither
+    # It has neither, and goes nowhere after a localization that failed.
+    assert not_held == {"invariants", "answers_lead_on", "drives_localized"}
 
 
 #: Mission -> its file, and the parameters that bound it.

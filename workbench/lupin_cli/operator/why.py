@@ -92,7 +92,7 @@ def why(
 
 
 def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation:
-    """Return the cause of the given subject: a target after the word for one, else a state, else a target.
+    """Return the cause of the subject: a target after the word for one, else a property, a state or a target.
 
     Raises:
         NothingKnown: it is none of them in this run.
@@ -113,6 +113,8 @@ def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation
         try:
             return inquiry.target(name)
         except NothingKnown as also:
+            if inquiry.is_property(name, misspelt=True):
+                return inquiry.breach(name)
             raise NothingKnown(f"{unknown}\n{also}") from None
 
 

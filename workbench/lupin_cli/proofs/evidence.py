@@ -40,8 +40,8 @@ ASSUMPTIONS = (
     " set together.",
     "An order that was given up and holds back no other gets no late answer, unless the bounds say so.",
     "The parameters have the values that are listed.",
-    "The robot's clock may come to any time of day between two steps; nobody sets it. A wait for a time of"
-    " day may end at any time; the clock then shows that time.",
+    "The robot's clock may come to any time of day between two steps; it is not adjusted. A wait for a time"
+    " of day may end at any time; the clock then shows that time.",
 )
 #: What nobody may conclude.
 NOT_SHOWN = (

@@ -1,4 +1,4 @@
-"""Fills the template of a safety case of two pages: claims, evidence, assumptions, limits, signatures."""
+"""Fills the template of a safety case: system, claims, evidence, assumptions, limits, signatures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_cli.proofs.proof_words import counted, exemptions, last_line, name_of
+from lupin_cli.proofs.proof_words import counted, exemptions, last_line, name_of, shown_place
 from lupin_engine.errors import UsageError
 from lupin_engine.properties import LiveMonitor
 from lupin_verify import is_own
@@ -72,15 +72,23 @@ def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) 
 
 def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: CaseEvidence) -> list[CaseSection]:
     """Return the safety case of a mission."""
+    cut = map(_cut, proof.cut)
     return [
+        CaseSection("System", [("What", "Value"), *_system(loaded, proof, by)]),
         CaseSection(EVIDENCE, list(_claims(proof, seen))),
         CaseSection(SOURCES, [("Source", "Result"), *_sources(proof, seen)]),
         CaseSection("Assumptions", texts=ASSUMPTIONS),
         CaseSection(
             "What was cut, and what is not shown",
-            texts=[*_exempt(proof), *map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN],
+            texts=[
+                *_exempt(proof),
+                *_unreached(loaded, proof),
+                *cut,
+                *proof.bounds,
+                *NOT_SHOWN,
+            ],
         ),
-        CaseSection("Versions", [("What", "Value"), *_versions(loaded, by)]),
+        CaseSection("Origin", [("What", "Value"), ("Made on", by.date), ("Command", by.command)]),
         CaseSection(
             SIGNATURES,
             [("Role", "Name", "Date", "Signature"), *((who, "", "", "") for who in _SIGNERS)],
@@ -92,6 +100,13 @@ def _exempt(proof: Proof) -> Iterator[str]:
     """Yield a sentence for each property that a mission is exempt from."""
     for name, mission, why in exemptions(proof.chart):
         yield f"{name} is not meant of {mission}, because {why}."
+
+
+def _unreached(loaded: LoadedMissions, proof: Proof) -> Iterator[str]:
+    """Yield a sentence for each state that was never entered, and each transition that was never taken."""
+    for part in proof.dead:
+        sentence = part.sentence(shown_place(loaded, part.place))
+        yield f"{sentence[0].upper()}{sentence[1:]}."
 
 
 def _cut(what: str) -> str:
@@ -146,13 +161,14 @@ def _sources(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, str]]:
         yield "Coverage on robots", line
 
 
-def _versions(loaded: LoadedMissions, by: Origin) -> Iterator[tuple[str, str]]:
-    yield "Made on", by.date
-    yield "Command", by.command
-    yield "Engine", f"Lupin engine {by.version}, SHA-256 of its sources {by.engine}"
+def _system(loaded: LoadedMissions, proof: Proof, by: Origin) -> Iterator[tuple[str, str]]:
+    """Yield what the case is about."""
+    yield "Mission", name_of(loaded, proof.varied)
     yield "Files", ", ".join(loaded.short_names.values())
     yield "SHA-256 of the files", loaded.hash
-    yield "SHA-256 of the catalogs", catalogs_hash(loaded)
+    yield "Engine", f"Lupin engine {by.version}, SHA-256 of its sources {by.engine}"
+    yield "Plugins", ", ".join(loaded.plugins)
+    yield "SHA-256 of their catalogs", catalogs_hash(loaded)
 
 
 def as_markdown(cases: Iterable[tuple[LoadedMissions, Proof, Sequence[CaseSection]]]) -> str:

@@ -40,9 +40,8 @@ if TYPE_CHECKING:
 @click.option(
     "--targets",
     type=click.IntRange(0, 8),
-    default=2,
-    show_default=True,
-    help="Explore itineraries and lists of up to this many elements.",
+    help="Explore itineraries and lists of up to this many elements; default: 2, then 3 and 4 while a fixed"
+    " number of transitions lasts. With --outcomes: 2.",
 )
 @click.option(
     "--late",
@@ -102,7 +101,7 @@ if TYPE_CHECKING:
 def prove(
     missions: tuple[str, ...],
     settings: tuple[str, ...],
-    targets: int,
+    targets: int | None,
     late: int,
     no_restarts: bool,
     every_class: bool,
@@ -154,12 +153,14 @@ def prove(
     if listed:
         _list(list(loaded.values()), seen.field, as_json)
         return 0
+    widens = targets is None and outcomes is None
     tasks = [
         task
         for name, one in loaded.items()
-        for task in proof_tasks(one, name, given[name], every_class, outcomes)
+        for task in proof_tasks(one, name, given[name], every_class, outcomes, widens)
     ]
-    bounds = Bounds(targets, late, not no_restarts)
+    bounds = Bounds(owed=late, restarts=not no_restarts)
+    bounds = bounds if targets is None else bounds._replace(targets=targets)
     shown = not (as_json or quiet) and sys.stderr.isatty()
     with _progress_of(tasks, loaded, shown) as show_progress:
         made = prove_tasks(tasks, loaded, bounds, jobs or os.cpu_count() or 1, seconds, show_progress)
@@ -241,7 +242,7 @@ def _exit_code(proofs: Sequence[Proof], whole: bool) -> int:
     if any(proof.broken for proof in proofs):
         return BROKEN
     shown = (proof.complete and not proof.not_shown and not (whole and proof.cut) for proof in proofs)
-    return 0 if all(shown) else NOT_PROVEN
+    return 0 if all(shown) and not any(proof.interrupted for proof in proofs) else NOT_PROVEN
 
 
 def read_budget(option: str, budget: str | None) -> float | None:
@@ -302,19 +303,19 @@ def prove_within(files: Sequence[Path], seconds: float, verbose: bool) -> tuple[
     """
     from lupin_cli.proofs.proof_words import last_line
     from lupin_engine.missions import load_missions
-    from lupin_verify import INTERRUPTED, Bounds, ProofTask, findings, prove_tasks
+    from lupin_verify import Bounds, ProofTask, findings, prove_tasks
 
     found: list[list[Diagnostic]] = []
     charts: list[Chart] = []
     for file in files:
         loaded = load_missions([str(file)], load_catalog())
-        task, of = ProofTask(str(file), {}), {str(file): loaded}
+        task, of = ProofTask(str(file), {}, widens=True), {str(file): loaded}
         (proof,) = prove_tasks([task], of, Bounds(), 1, seconds / len(files), lambda *_: None)
         if verbose:
             _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
             click.echo(f"{loaded.names[0]}: {last_line(proof)}", err=True)
-        if proof.stopped == INTERRUPTED:
+        if proof.interrupted:
             raise KeyboardInterrupt
         found.append(findings(proof, str(file)))
         charts.append(proof.chart)
@@ -453,6 +454,8 @@ def _record(
         "complete": proof.complete,
         "stopped": proof.stopped,
         **asdict(proof.progress),
+        "targets": proof.targets,
+        "beyond": proof.beyond,
         "cut": list(proof.cut),
         "bounds": list(proof.bounds),
         "assumptions": list(ASSUMPTIONS),

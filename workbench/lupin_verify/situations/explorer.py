@@ -128,9 +128,7 @@ class SituationExplorer:
         self._quietly = {False: [o for o in asked if o not in BUILT_IN and o.of_values], True: asked}
         #: The properties to watch in any other step.
         self._plans = WatchPlans(properties)
-        #: Whether properties remember something, and whether there is one that every step may concern.
         self._remembers = any(one.remembers for one in properties)
-        self._always_asked = any(one.remembers and one.about is None for one in properties)
         self.bounds = bounds
         self.relevance = Relevance(world.chart)
         self.classes = Classes(world, self.relevance, bounds.targets)
@@ -298,7 +296,7 @@ class SituationExplorer:
         passage = Passage(seen, step, machine.scope, was)
         asked, relevant = self._asked(passage, quiet)
         known: dict[str, Remembered] | None = None
-        if self._always_asked or any(one.remembers for one in asked):
+        if any(one.remembers for one in asked):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         judged = []
         # Where no visit was read and no outcome published, none was closed.
@@ -497,11 +495,15 @@ class _LazyGlance:
 
     @property
     def over(self) -> Container[str]:
-        return _Those(lambda name: self._is_over(name))
+        return _Those(lambda name: name.startswith("i:") and self._is_over(name.removeprefix("i:")))
+
+    @property
+    def settled(self) -> Container[str]:
+        return _Those(self._is_over)
 
     def _is_over(self, name: str) -> bool:
-        found = self._memory.invocations.get(name.removeprefix("i:"))
-        return found is not None and found.id == name and is_over(found, self._memory)
+        found = self._memory.invocations.get(name)
+        return found is not None and found.id == f"i:{name}" and is_over(found, self._memory)
 
     def __getattr__(self, name: str) -> Any:
         memory = self._memory

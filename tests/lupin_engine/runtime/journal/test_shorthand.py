@@ -8,7 +8,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lupin_engine.machine.event import Event, progress
+from lupin_engine.machine.event import CODE_REPORTED, Event, progress
+from lupin_engine.runtime.journal.records import JournalRecord
 from lupin_engine.runtime.journal.shorthand import SHORT_VALUE, Shorthand, progress_of
 
 PLAIN = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text()
@@ -64,3 +65,9 @@ def test_what_has_no_short_form() -> None:
     assert short.written(1.0, Event("operator.pause")) is None
     assert short.written(1.0, Event("value", {"name": "a", "value": 1})) is None
     assert short.written(1.0, Event("attempt.progress", {"attempt": "a1"})) is None
+
+
+def test_an_event_of_an_earlier_version_has_its_name_of_today() -> None:
+    """What `engine.told` was is `engine.reported`."""
+    record = JournalRecord(1, "event", 0.0, 0.0, ("engine.told", {"code": "late", "detail": ""}), 9)
+    assert record.event == Event(CODE_REPORTED, {"code": "late", "detail": ""})

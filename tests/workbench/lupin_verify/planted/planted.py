@@ -18,8 +18,9 @@ from lupin_engine.missions.folders import MISSIONS, mission_files
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3]
 #: Which files the defects stand in, two halves of a hundred first. The properties were written for the first
-#: one, then for the second one as well; the third one says how general they are.
-SETS = ("first", "second", "third")
+#: one, then for the second one as well; the third one says how general they are. The fourth one has ways to
+#: drive unlocalized that take more than one step.
+SETS = ("first", "second", "third", "fourth")
 
 
 @dataclass(frozen=True)
