@@ -5,24 +5,27 @@ states and transitions. What a leaf does is not in the tree, so it becomes a que
 written there, and has the two outcomes as answers: the mission can be checked, drawn and simulated at once.
 
 A tree is ticked, a chart is not. What a control node does with a child on each tick (`ReactiveSequence`,
-`PipelineSequence`, `RateController`, ...) is noted: it is walked once, in order.
+`PipelineSequence`, `RateController`, ...) is noted: it is walked once, in order. The ports of a subtree are
+written where its leaves use them.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+import unicodedata
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from lupin_engine.errors import UsageError
+from lupin_engine.chart import FAULT
+from lupin_engine.errors import UsageError, meant
 from lupin_scxml.elements import Element, parse
 from lupin_scxml.importer import Imported
 from lupin_scxml.notes import Notes
 
 #: Version 3 writes `<Action ID="Spin"/>` for `<Spin/>`.
 _EXPLICIT = ("Action", "Condition", "Control", "Decorator")
-_TICKED = "its children are ticked together; here each one follows on the one before"
+_TICKED = "each tick begins again with its first children; here each child runs once, after the one before"
 _IN_ORDER = {"Sequence": "", "SequenceStar": "", "SequenceWithMemory": "", "AsyncSequence": ""}
 _SEQUENCES = {**_IN_ORDER, "ReactiveSequence": _TICKED, "PipelineSequence": _TICKED, "PersistentSequence": ""}
 _FALLBACKS = {
@@ -38,8 +41,13 @@ _OUTCOMES: Mapping[str, tuple[bool, bool]] = MappingProxyType(
 )
 #: Attributes of version 4 that skip or end a node.
 _CONDITIONS = re.compile(r"_(skip|success|failure|while|on)\w*|_post")
+_SWITCH = re.compile(r"Switch\d+")
 #: Every leaf takes so long where nobody answers.
 _STEP = "1 s"
+#: Attributes of a node that are no ports.
+_NO_PORTS = frozenset({"ID", "name", "_autoremap", "__shared_blackboard"})
+#: A number of milliseconds.
+_MILLISECONDS = re.compile(r"\d+")
 _CODE = "tree_failed"
 
 
@@ -51,6 +59,13 @@ class _Rounds(NamedTuple):
     again: str
     second: str
     end: str
+
+
+class _Around(NamedTuple):
+    """The trees around a node, and what the ports of the innermost one stand for."""
+
+    trees: tuple[Element, ...]
+    ports: Mapping[str, str]
 
 
 class _NextStates(NamedTuple):
@@ -68,27 +83,30 @@ def from_tree(text: bytes, name: str) -> Imported:
     """
     root = parse(text)
     trees = {tree.get("ID"): tree for tree in root.all("BehaviorTree")}
-    wanted = root.get("main_tree_to_execute")
-    main = trees.get(wanted) if wanted else next(iter(trees.values()), None)
-    if root.kind != "root" or main is None:
-        what = f"has no tree {wanted!r}" if trees else f"is <{root.kind}> without a <BehaviorTree>"
-        raise UsageError(f"line {root.line}: the document {what}")
-    return _Converter(trees).mission(main, name)
+    if root.kind != "root" or not trees:
+        raise UsageError(f"line {root.line}: the document is <{root.kind}> without a <BehaviorTree>")
+    main = root.get("main_tree_to_execute") or (next(iter(trees)) if len(trees) == 1 else "")
+    if main not in trees:
+        problem = f"has no tree {main!r}" if main else "does not say which tree is executed"
+        names = ", ".join(map(repr, trees))
+        hint = f"write main_tree_to_execute=... of one of these: {names}"
+        raise UsageError(f"line {root.line}: the document {problem}; {hint}")
+    return _Converter(root, trees).mission(trees[main], name)
 
 
 class _Converter:
-    def __init__(self, trees: Mapping[str, Element]) -> None:
+    def __init__(self, root: Element, trees: Mapping[str, Element]) -> None:
         self._trees = trees
         self._notes = Notes()
-        self._taken = {"TREE_FAILED"}
+        for include in root.all("include"):
+            self._notes.lose(include, f"the file {include.get('path')!r} is not read: its trees")
+        self._taken = {"TREE_FAILED", FAULT}
         self._counters: dict[str, Any] = {}
-        #: The state that each child of a chain begins with.
-        self._firsts: dict[Element, str] = {}
 
     def mission(self, tree: Element, name: str) -> Imported:
         """Convert the tree that is executed."""
         inside: dict[str, Any] = {}
-        first = self._only_child(tree, _NextStates("done", "TREE_FAILED"), inside, (tree,))
+        first = self._only_child(tree, _NextStates("done", "TREE_FAILED"), inside, _Around((tree,), {}))
         codes: dict[str, Any] = {}
         if "'TREE_FAILED'" in repr(inside):  # else nothing in it can fail
             codes[_CODE] = {"label": "the behavior tree has failed", "severity": "error"}
@@ -103,50 +121,45 @@ class _Converter:
         }
         return Imported(mission, {}, self._notes.sorted(), {})
 
-    def _only_child(
-        self, holder: Element, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
-    ) -> str:
+    def _only_child(self, holder: Element, ways: _NextStates, states: dict[str, Any], scope: _Around) -> str:
         """Convert the child of a tree or a decorator; return the state that it begins with."""
         children = [child for child in holder.children if child.kind != "Metadata"]
         if len(children) != 1:
             raise UsageError(
                 f"line {holder.line}: <{holder.kind}> has {len(children)} children; one is wanted"
             )
-        return self._node(children[0], ways, states, around)
+        return self._node(children[0], ways, states, scope)
 
-    def _node(
-        self, node: Element, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
-    ) -> str:
+    def _node(self, node: Element, ways: _NextStates, states: dict[str, Any], scope: _Around) -> str:
         """Add the states of a node; return the one that it begins with."""
         for attribute in filter(_CONDITIONS.fullmatch, node.attributes):
             self._notes.lose(node, f"the condition {attribute}={node.get(attribute)!r}")
         kind = _kind(node)
         if kind in _OUTCOMES:
             changed = _NextStates(*(ways.success if good else ways.failure for good in _OUTCOMES[kind]))
-            return self._only_child(node, changed, states, around)
+            return self._only_child(node, changed, states, scope)
         if kind in ("SubTree", "SubTreePlus"):
-            return self._subtree(node, ways, states, around)
+            return self._subtree(node, ways, states, scope)
         if not node.children:
-            return self._leaf(node, kind, ways, states)
-        convert = _CONTROLS.get(kind)
-        if convert is None and len(node.children) == 1:
-            self._notes.lose(node, f"what the decorator {kind} does{_ports(node)}")
-            return self._only_child(node, ways, states, around)
+            return self._leaf(node, kind, ways, states, scope)
+        convert = _CONTROLS.get(kind) or (_Converter._switch if _SWITCH.fullmatch(kind) else None)
+        if convert is None:
+            nearby = meant(kind, (*_CONTROLS, *_OUTCOMES, "SubTree"))
+            unknown = f"what {kind}{_ports(node, scope)} does with its children{nearby and f' ({nearby})'}"
+            self._notes.lose(node, unknown)
+            if len(node.children) == 1:
+                return self._only_child(node, ways, states, scope)
         name = self._name(node)
         inner: dict[str, Any] = {}
-        initial = (convert or _Converter._sequence)(self, node, name, ways, inner, around)
-        if convert is None and kind not in _SEQUENCES:
-            self._notes.lose(
-                node, f"what the control node {kind} does: its children follow on one another, which"
-            )
-        states[name] = {"initial": initial, "states": inner} if initial else inner
+        initial = (convert or _Converter._sequence)(self, node, name, ways, inner, scope)
+        states[name] = {"initial": initial, "states": inner, **inner.pop("", {})} if initial else inner
         return name
 
     def _chain(
         self,
         node: Element,
         states: dict[str, Any],
-        around: tuple[Element, ...],
+        scope: _Around,
         ways_to: Callable[[str], _NextStates],
         end: str,
     ) -> str:
@@ -155,54 +168,79 @@ class _Converter:
         parts: list[dict[str, Any]] = []
         for child in reversed(node.children):
             part: dict[str, Any] = {}
-            following = self._firsts[child] = self._node(child, ways_to(following), part, around)
+            following = self._node(child, ways_to(following), part, scope)
             parts.append(part)
         for part in reversed(parts):
             states.update(part)
         return following
 
     def _sequence(
-        self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         if text := _SEQUENCES.get(_kind(node), ""):
             self._notes.note(node, f"{_kind(node)}: {text}")
         return self._chain(
-            node, states, around, lambda target: _NextStates(target, ways.failure), ways.success
+            node, states, scope, lambda target: _NextStates(target, ways.failure), ways.success
         )
 
     def _fallback(
-        self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         if text := _FALLBACKS[_kind(node)]:
             self._notes.note(node, f"{_kind(node)}: {text}")
         return self._chain(
-            node, states, around, lambda target: _NextStates(ways.success, target), ways.failure
+            node, states, scope, lambda target: _NextStates(ways.success, target), ways.failure
         )
 
     def _round_robin(
-        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
-        """Nav2's: it begins with the next child each time; after a failure with the one that follows."""
-        text = "after a failure it goes on to its last child; here not to those before"
-        self._notes.note(node, f"RoundRobin: {text}")
-        begin, counter = self._fresh(f"{name}_BEGIN"), f"{name.lower()}_next"
+        """Nav2's: each time, and after a failure, the next child; it fails when all have failed in a row."""
+        begin, again = self._helpers(name)
+        turn, counter = self._fresh(f"{name}_TURN"), f"{name.lower()}_next"
         self._counters[counter] = {"type": "count", "default": 0}
-        states[begin] = {}
-        self._chain(node, states, around, lambda target: _NextStates(ways.success, target), ways.failure)
-        firsts = [self._firsts[child] for child in node.children]
-        following = [*range(1, len(firsts)), 0]
-        states[begin]["always"] = [
-            {
-                "target": first,
-                **({"guard": f"{counter} == {index}"} if following[index] else {}),
-                "do": {"set": {counter: following[index]}},
-            }
-            for index, first in enumerate(firsts)
+        firsts = [
+            self._node(child, _NextStates(ways.success, again), states, scope) for child in node.children
         ]
+        following = [*range(1, len(firsts)), 0]
+        states[turn] = {
+            "always": [
+                {
+                    "target": first,
+                    **({"guard": f"{counter} == {index}"} if following[index] else {}),
+                    "do": {"set": {counter: following[index]}},
+                }
+                for index, first in enumerate(firsts)
+            ]
+        }
+        loop = _Rounds(begin, turn, again, turn, ways.failure)
+        return self._count(name, str(len(firsts) - 1), loop, states)
+
+    def _timeout(
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
+    ) -> str:
+        """A child that fails when it takes longer."""
+        if limit := self._milliseconds(node, "msec"):
+            states[""] = {"after": {limit: ways.failure}}
+        return self._only_child(node, ways, states, scope)
+
+    def _delay(
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
+    ) -> str:
+        first = self._only_child(node, ways, states, scope)
+        begin = self._fresh(f"{name}_BEGIN")
+        states[begin] = {"after": {self._milliseconds(node, "delay_msec") or _STEP: first}}
         return begin
 
+    def _milliseconds(self, node: Element, port: str) -> str:
+        """Return a duration in the language; '' after a note where it is an entry of the blackboard."""
+        if _MILLISECONDS.fullmatch(node.get(port)):
+            return f"{int(node.get(port)) / 1000:g} s"
+        self._notes.lose(node, f"{port}={node.get(port)!r}")
+        return ""
+
     def _recovery(
-        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         """Nav2's: after a failure of the first child the second one, then the first again, so many times."""
         if len(node.children) != 2:
@@ -211,24 +249,24 @@ class _Converter:
             )
         begin, again = self._helpers(name)
         work, recovery = node.children
-        first = self._node(work, _NextStates(ways.success, again), states, around)
-        second = self._node(recovery, _NextStates(first, ways.failure), states, around)
+        first = self._node(work, _NextStates(ways.success, again), states, scope)
+        second = self._node(recovery, _NextStates(first, ways.failure), states, scope)
         loop = _Rounds(begin, first, again, second, ways.failure)
         return self._count(name, node.get("number_of_retries") or "1", loop, states)
 
     def _retry(
-        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         begin, again = self._helpers(name)
-        first = self._only_child(node, _NextStates(ways.success, again), states, around)
+        first = self._only_child(node, _NextStates(ways.success, again), states, scope)
         most = _less_one(node.get("num_attempts") or "1")
         return self._count(name, most, _Rounds(begin, first, again, first, ways.failure), states)
 
     def _repeat(
-        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         begin, again = self._helpers(name)
-        first = self._only_child(node, _NextStates(again, ways.failure), states, around)
+        first = self._only_child(node, _NextStates(again, ways.failure), states, scope)
         most = "-1" if _kind(node) != "Repeat" else _less_one(node.get("num_cycles") or "1")
         return self._count(name, most, _Rounds(begin, first, again, first, ways.success), states)
 
@@ -246,47 +284,68 @@ class _Converter:
         return loop.begin
 
     def _parallel(
-        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
         """All children at once: it succeeds when all have, and fails with the first failure."""
+        normal = {"success": ("", "-1", str(len(node.children))), "failure": ("", "1")}
         for threshold in ("success_count", "failure_count", "success_threshold", "failure_threshold"):
-            if node.get(threshold):
+            if node.get(threshold) not in normal[threshold.partition("_")[0]]:
                 self._notes.lose(node, f"{threshold}={node.get(threshold)!r}")
         regions: dict[str, Any] = {}
         for child in node.children:
             inner: dict[str, Any] = {}
             region = self._fresh(f"{name}_REGION")
-            first = self._node(child, _NextStates(f"{region}.over", ways.failure), inner, around)
-            regions[region] = {"initial": first, "states": {**inner, "over": {"type": "final"}}}
+            first = self._node(child, _NextStates(f"{region}.over", ways.failure), inner, scope)
+            if f"'{region}.over'" in repr(inner):  # else it never succeeds
+                inner["over"] = {"type": "final"}
+            regions[region] = {"initial": first, "states": inner}
         states.update({"type": "parallel", "states": regions, "on_done": ways.success})
         return ""
 
-    def _if(
-        self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
-    ) -> str:
+    def _if(self, node: Element, _: str, ways: _NextStates, states: dict[str, Any], scope: _Around) -> str:
+        kind = _kind(node)
         if len(node.children) not in (2, 3):
             raise UsageError(
-                f"line {node.line}: <IfThenElse> has {len(node.children)} children; two or three are"
+                f"line {node.line}: <{kind}> has {len(node.children)} children; two or three are wanted"
             )
+        if kind == "WhileDoElse":
+            self._notes.note(node, f"{kind}: the condition is asked on each tick; here once, before the rest")
         condition, *branches = node.children
-        targets = [self._node(branch, ways, states, around) for branch in branches]
-        return self._node(condition, _NextStates(targets[0], [*targets, ways.failure][1]), states, around)
+        targets = [self._node(branch, ways, states, scope) for branch in branches]
+        return self._node(condition, _NextStates(targets[0], [*targets, ways.failure][1]), states, scope)
 
-    def _subtree(
-        self, node: Element, ways: _NextStates, states: dict[str, Any], around: tuple[Element, ...]
+    def _switch(
+        self, node: Element, name: str, ways: _NextStates, states: dict[str, Any], scope: _Around
     ) -> str:
-        tree = self._trees.get(node.get("ID"))
-        if tree is None or tree in around:
-            why = "contains itself" if tree else "is in another file"
-            self._notes.lose(node, f"the subtree {node.get('ID')!r}, which {why},")
-            return self._leaf(node, f"SubTree {node.get('ID')}", ways, states)
-        name = self._name(node)
-        inner: dict[str, Any] = {}
-        first = self._only_child(tree, ways, inner, (*around, tree))
-        states[name] = {"initial": first, "states": inner}
-        return name
+        """Which child is walked depends on a variable: a question; the last child is the default."""
+        cases = [node.get(f"case_{number}") or str(number) for number in range(1, len(node.children))]
+        targets = [self._node(child, ways, states, scope) for child in node.children]
+        labels = dict(
+            zip([f"{name.lower()}_{n}" for n in range(1, len(targets) + 1)], [*cases, "another"], strict=True)
+        )
+        choose = self._fresh(f"{name}_CASE")
+        states[choose] = self._question(
+            node, choose, f"which case is {node.get('variable')}?", labels, targets
+        )
+        return choose
 
-    def _leaf(self, node: Element, kind: str, ways: _NextStates, states: dict[str, Any]) -> str:
+    def _subtree(self, node: Element, ways: _NextStates, states: dict[str, Any], scope: _Around) -> str:
+        name = node.get("ID")
+        tree = self._trees.get(name)
+        if tree is None or tree in scope.trees:
+            why = "contains itself" if tree else "is not in this file"
+            self._notes.lose(node, f"the subtree {name!r}, which {why},")
+            return self._leaf(node, f"SubTree {name}", ways, states, scope)
+        state = self._name(node)
+        inner: dict[str, Any] = {}
+        within = _Around((*scope.trees, tree), _ports_of(node, scope))
+        first = self._only_child(tree, ways, inner, within)
+        states[state] = {"initial": first, "states": inner}
+        return state
+
+    def _leaf(
+        self, node: Element, kind: str, ways: _NextStates, states: dict[str, Any], scope: _Around
+    ) -> str:
         name = self._name(node)
         waits = re.fullmatch(r"\d+(\.\d+)?", node.get("wait_duration"))
         if kind in ("AlwaysSuccess", "AlwaysFailure"):
@@ -294,18 +353,27 @@ class _Converter:
         elif kind == "Wait" and waits:
             states[name] = {"after": {f"{waits[0]} s": ways.success}}
         else:
-            self._notes.lose(node, f"what {kind} does")
-            states[name] = {
-                "summary": f"To be written: {kind}{_ports(node)}",
-                "ask": {
-                    "question": f"{kind}: did it succeed?",
-                    "choices": {"succeeded": "Yes", "failed": "No"},
-                    "default": "succeeded",
-                    "after": _STEP,
-                },
-                "on": {"answer.succeeded": ways.success, "answer.failed": ways.failure},
-            }
+            labels = {f"{name.lower()}_succeeded": "Yes", f"{name.lower()}_failed": "No"}
+            does = f"{kind}{_ports(node, scope)}"
+            states[name] = self._question(node, name, f"{kind}: did it succeed?", labels, list(ways), does)
         return name
+
+    def _question(
+        self,
+        node: Element,
+        state: str,
+        question: str,
+        labels: Mapping[str, str],
+        targets: Sequence[str],
+        does: str = "",
+    ) -> dict[str, Any]:
+        """Return a state that asks what the tree does not say; its last answer is that of nobody."""
+        self._notes.write(node, f"{state}: {does or question}")
+        return {
+            "summary": f"To be written: {does or question}",
+            "ask": {"question": question, "choices": dict(labels), "default": [*labels][-1], "after": _STEP},
+            "on": {f"answer.{choice}": target for choice, target in zip(labels, targets, strict=True)},
+        }
 
     def _helpers(self, name: str) -> tuple[str, str]:
         """Return fresh names for the states that count."""
@@ -323,7 +391,7 @@ class _Converter:
         return name
 
 
-_Convert = Callable[[_Converter, Element, str, _NextStates, dict[str, Any], tuple[Element, ...]], str]
+_Convert = Callable[[_Converter, Element, str, _NextStates, dict[str, Any], _Around], str]
 _CONTROLS: Mapping[str, _Convert] = MappingProxyType(
     {
         **dict.fromkeys(_SEQUENCES, _Converter._sequence),
@@ -337,6 +405,9 @@ _CONTROLS: Mapping[str, _Convert] = MappingProxyType(
         "Parallel": _Converter._parallel,
         "ParallelAll": _Converter._parallel,
         "IfThenElse": _Converter._if,
+        "WhileDoElse": _Converter._if,
+        "Timeout": _Converter._timeout,
+        "Delay": _Converter._delay,
     }
 )
 
@@ -345,17 +416,27 @@ def _kind(node: Element) -> str:
     return node.get("ID") or node.kind if node.kind in _EXPLICIT else node.kind
 
 
-def _ports(node: Element) -> str:
+def _ports_of(node: Element, scope: _Around) -> dict[str, str]:
+    """Return what a node is given, with the ports of the tree around replaced by what that is given."""
+    own = {name: text for name, text in node.attributes.items() if name not in _NO_PORTS}
+    return {
+        name: scope.ports.get(text[1:-1], text) if text.startswith("{") else text
+        for name, text in own.items()
+        if not _CONDITIONS.fullmatch(name)
+    }
+
+
+def _ports(node: Element, scope: _Around) -> str:
     """Return what a node is given, in brackets."""
-    own = {name: text for name, text in node.attributes.items() if name not in ("ID", "name")}
-    ports = ", ".join(f"{name}={text}" for name, text in own.items() if not _CONDITIONS.fullmatch(name))
+    ports = ", ".join(f"{name}={text}" for name, text in _ports_of(node, scope).items())
     return f" ({ports})" if ports else ""
 
 
 def _upper(text: str) -> str:
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text)
-    name = re.sub(r"\W+", "_", words).strip("_").upper()
-    return name if name[:1].isalpha() else f"STATE_{name}"
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", text)
+    plain = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
+    name = re.sub(r"\W+", "_", plain).strip("_").upper()
+    return name if name[:1].isalpha() else f"STATE_{name}".rstrip("_")
 
 
 def _less_one(number: str) -> str:

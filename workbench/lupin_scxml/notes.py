@@ -10,11 +10,15 @@ from lupin_scxml.elements import Element
 
 
 class Note(NamedTuple):
-    """A message about a line; `lost` if something is left out, else it is converted with another meaning."""
+    """A message about a line; `lost` if something is left out, else it is converted with another meaning.
+
+    `to_write` is something that the document leaves open.
+    """
 
     line: int
     text: str
     lost: bool
+    to_write: bool = False
 
 
 class CannotSay(Exception):
@@ -47,6 +51,10 @@ class Notes:
     def note(self, element: Element, text: str) -> None:
         """Note that something is converted with another meaning."""
         self._notes.add(Note(element.line, text, False))
+
+    def write(self, element: Element, what: str) -> None:
+        """Note something that the document leaves open, and an author has to write."""
+        self._notes.add(Note(element.line, what, False, True))
 
     def lose(self, element: Element, what: str) -> None:
         """Note that something is left out."""

@@ -50,6 +50,7 @@ def test_it_writes_a_mission_that_runs(folder: Path, capsys: pytest.CaptureFixtu
         "Traffic-light.scxml:4: note: a delayed send that its state waits for is `after`: leaving it ends it",
         "Traffic-light.scxml:5: note: a cancel as the state is left is not written: its timers end then",
         "1 mission, no errors, no warnings",
+        "next: lupin simulate traffic_light -i; lupin diagram traffic_light",
     ]
     assert (
         (folder / "missions" / "traffic_light.yaml").read_text()
@@ -86,7 +87,7 @@ def test_events_from_outside_are_a_binding(folder: Path, capsys: pytest.CaptureF
     document.write_text(LIGHT.replace("</state>", BUTTON, 1))
     assert main(["import", "scxml", "other.scxml"]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert ("wrote missions/bindings/other.yaml" in out, out[-1]) == (
+    assert ("wrote missions/bindings/other.yaml" in out, out[-2]) == (
         True,
         "1 mission, no errors, no warnings",
     )

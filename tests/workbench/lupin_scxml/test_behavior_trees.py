@@ -20,7 +20,8 @@ LIFECYCLE = Path(__file__).parents[3] / "missions" / "lifecycle.yaml"
 
 def tree(inside: str, more: str = "") -> bytes:
     """Return a document with one tree, and more of them."""
-    return f'<root BTCPP_format="4"><BehaviorTree ID="Main">{inside}</BehaviorTree>{more}</root>'.encode()
+    main = '<root BTCPP_format="4" main_tree_to_execute="Main">' if more.count("BehaviorTree") else "<root>"
+    return f'{main}<BehaviorTree ID="Main">{inside}</BehaviorTree>{more}</root>'.encode()
 
 
 def states(inside: str, more: str = "") -> dict[str, Any]:
@@ -31,7 +32,8 @@ def states(inside: str, more: str = "") -> dict[str, Any]:
 
 def ways(state: dict[str, Any]) -> tuple[str, str]:
     """Return where a leaf leads, when it succeeds and when it fails."""
-    return state["on"]["answer.succeeded"], state["on"]["answer.failed"]
+    success, failure = state["on"].values()
+    return success, failure
 
 
 def test_a_leaf_is_a_question_that_says_what_is_to_be_written() -> None:
@@ -39,8 +41,9 @@ def test_a_leaf_is_a_question_that_says_what_is_to_be_written() -> None:
     leaf = found.mission["states"]["TURN_ROUND"]
     assert leaf["summary"] == "To be written: Spin (spin_dist=1.57, error_code_id={code})"
     assert ways(leaf) == ("done", "TREE_FAILED")
-    assert [(note.text, note.lost) for note in found.notes] == [
-        ("what Spin does cannot be said; it is left out", True)
+    assert leaf["ask"]["default"] == "turn_round_failed"  # nothing succeeds that is not written
+    assert [(note.text, note.to_write) for note in found.notes] == [
+        ("TURN_ROUND: Spin (spin_dist=1.57, error_code_id={code})", True)
     ]
 
 
@@ -100,11 +103,49 @@ def test_a_subtree_stands_where_it_is_used_and_one_of_another_file_is_left_to_wr
     assert row["THREE"]["summary"] == "To be written: SubTree Three"
 
 
+def test_the_ports_of_a_subtree_stand_where_its_leaves_use_them() -> None:
+    other = '<BehaviorTree ID="GoTo"><Move goal="{target}" speed="{speed}" to="{map}"/></BehaviorTree>'
+    used = '<SubTree ID="GoTo" target="dock" speed="{fast}"/><SubTree ID="GoTo" target="{where}"/>'
+    row = states(f"<Sequence>{used}</Sequence>", other)["SEQUENCE"]["states"]
+    leaves = [leaf for each in row.values() for leaf in each["states"].values()]
+    assert [leaf["summary"] for leaf in leaves] == [
+        "To be written: Move (goal=dock, speed={fast}, to={map})",
+        "To be written: Move (goal={where}, speed={speed}, to={map})",
+    ]
+
+
+def test_a_round_robin_goes_on_with_the_next_child_and_fails_when_all_have() -> None:
+    inside = states('<RoundRobin name="Turns"><A/><B/></RoundRobin>')["TURNS"]["states"]
+    assert (ways(inside["A"]), ways(inside["B"])) == (("done", "TURNS_AGAIN"), ("done", "TURNS_AGAIN"))
+    assert inside["TURNS_TURN"]["always"] == [
+        {"target": "A", "guard": "turns_next == 0", "do": {"set": {"turns_next": 1}}},
+        {"target": "B", "do": {"set": {"turns_next": 0}}},
+    ]
+    assert inside["TURNS_AGAIN"]["always"][0]["guard"] == "turns_count < 1"
+
+
+def test_a_limit_and_a_delay_are_times_of_the_state() -> None:
+    found = states('<Timeout msec="1500" name="T"><Delay delay_msec="500" name="D"><A/></Delay></Timeout>')[
+        "T"
+    ]
+    assert found["after"] == {"1.5 s": "TREE_FAILED"}
+    assert found["states"]["D"]["states"]["D_BEGIN"] == {"after": {"0.5 s": "A"}}
+
+
+def test_a_switch_asks_which_case_it_is() -> None:
+    found = states('<Switch2 variable="{x}" case_1="a" case_2="b" name="S"><A/><B/><C/></Switch2>')["S"]
+    choose = found["states"]["S_CASE"]
+    assert choose["summary"] == "To be written: which case is {x}?"
+    assert choose["ask"]["choices"] == {"s_1": "a", "s_2": "b", "s_3": "another"}
+    assert choose["on"] == {"answer.s_1": "A", "answer.s_2": "B", "answer.s_3": "C"}
+
+
 EVERYTHING = """
 <Sequence name="all of it">
   <Parallel name="both" success_count="2"><A/><Sequence><B/><Wait wait_duration="5.0"/></Sequence></Parallel>
   <ReactiveFallback><Action ID="Old"/><RoundRobin name="turns"><C/><D/></RoundRobin></ReactiveFallback>
   <IfThenElse><Asked/><Yes/><No/></IfThenElse>
+  <WhileDoElse><Drive name="über"/><Drive name="FAULT"/></WhileDoElse>
   <Fallback><RecoveryNode><F/><G/></RecoveryNode><AlwaysSuccess/></Fallback>
   <RetryUntilSuccessful num_attempts="2"><KeepRunningUntilFailure><E _skipIf="x"/></KeepRunningUntilFailure>
   </RetryUntilSuccessful>
@@ -120,9 +161,8 @@ def test_a_tree_of_everything_checks(tmp_path: Path) -> None:
     assert [each for each in diagnostics if each.severity is Severity.ERROR] == []
     assert chart is not None
     assert [note.text for note in found.notes if note.line == 3] == [
-        "success_count='2' cannot be said; it is left out",
-        "what A does cannot be said; it is left out",
-        "what B does cannot be said; it is left out",
+        "A: A",
+        "B: B",
     ]
 
 
@@ -132,7 +172,12 @@ def test_a_tree_of_everything_checks(tmp_path: Path) -> None:
         (b"<scxml/>", "line 1: the document is <scxml> without a <BehaviorTree>"),
         (
             b'<root main_tree_to_execute="X"><BehaviorTree ID="Y"/></root>',
-            "line 1: the document has no tree 'X'",
+            "line 1: the document has no tree 'X'; write main_tree_to_execute=... of one of these: 'Y'",
+        ),
+        (
+            b'<root><BehaviorTree ID="Y"/><BehaviorTree ID="Z"/></root>',
+            "line 1: the document does not say which tree is executed; "
+            "write main_tree_to_execute=... of one of these: 'Y', 'Z'",
         ),
         (tree(""), "line 1: <BehaviorTree> has 0 children; one is wanted"),
         (tree("<Inverter><A/><B/></Inverter>"), "line 1: <Inverter> has 2 children; one is wanted"),
@@ -153,8 +198,9 @@ def test_the_command_lists_what_is_left_to_write(tmp_path: Path, monkeypatch: py
     assert done.stdout.splitlines() == [
         "wrote missions/lifecycle.yaml",
         "wrote missions/nav.yaml",
-        "nav.xml:1: not said: what ComputePath does cannot be said; it is left out",
+        "nav.xml:1: to be written: COMPUTE_PATH: ComputePath",
         "1 mission, no errors, no warnings",
+        "next: lupin simulate nav -i; lupin diagram nav",
     ]
     assert (
         (tmp_path / "missions" / "nav.yaml")

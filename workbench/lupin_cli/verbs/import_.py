@@ -77,6 +77,8 @@ def _convert(file: Path, name: str | None, kind: str, read: Callable[[bytes, str
     for old, new in found.names.items():
         click.echo(f"named {old}: {new}")
     for note in found.notes:
-        click.echo(f"{file}:{note.line}: {'not said' if note.lost else 'note'}: {note.text}")
+        word = "to be written" if note.to_write else "not said" if note.lost else "note"
+        click.echo(f"{file}:{note.line}: {word}: {note.text}")
     wrong = check_paths([Path(LOCAL) / f"{name}.yaml"])
-    return 1 if wrong or any(note.lost for note in found.notes) else 0
+    click.echo(f"next: lupin simulate {name} -i; lupin diagram {name}")
+    return 1 if wrong or any(note.lost or note.to_write for note in found.notes) else 0
