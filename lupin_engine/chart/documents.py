@@ -379,7 +379,8 @@ class StateNode(Node):
     states: Annotated[dict[str, StateNode | None], Named(Meaning.STATE)] = _by_name("children, by name")
     sequence: list[Annotated[dict[str, StateNode | None], Named(Meaning.STATE)]] = _many(
         "children, one after the other: the end of each leads to the next, that of the last ends this state; "
-        "`on_error` is that of each step that has none"
+        "`on_error` is that of each step that has none; a wait at the end leads to `over`, with `times` to "
+        "`again`"
     )
     times: Written = Field(None, description="how often the sequence is walked, 1 or more")
     entry: Actions = _many("actions on entering")

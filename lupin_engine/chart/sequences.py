@@ -27,8 +27,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from lupin_engine.chart.documents import StateNode
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.nodes import show
+from lupin_engine.chart.nodes import keys_of, show
 from lupin_engine.chart.source import Map, Seq, Text, data_at, text_at
 from lupin_engine.errors import Place
 
@@ -37,6 +38,9 @@ BEGIN, AGAIN, OVER = "begin", "again", "over"
 _ENDING = frozenset({"invoke", "use", "for_each", "states", "sequence"})
 #: Keys of steps for which the sequence says what a failure leads to.
 _FAILING = frozenset({"invoke", "sequence"})
+#: Keys by which a state without an end is left.
+_WAYS_ON = frozenset({"after", "always", "on", "every", "at", "budget"})
+_STATE_KEYS = frozenset(keys_of(StateNode))
 #: Keys that say what a state does, of which `sequence` is another.
 _INSTEAD = ("initial", "states", "use", "invoke", "for_each", "ask", "type", "slot")
 
@@ -172,9 +176,16 @@ class _SequenceState:
                 self._findings.add(place, "wrong-shape", path, problem, "write '- NAME: {...}'")
                 continue
             name = next(iter(step))
-            if name in taken:
+            if name in _STATE_KEYS:
+                problem = f"expected one state by its name, got the key {str(name)!r}"
+                self._findings.add(place, "wrong-shape", path, problem, f"write '- NAME: {{{name}: ...}}'")
+            elif name in taken:
                 problem = f"the step {str(name)!r} {taken[name]}"
                 self._findings.add(step.key_place(name), "bad-name", path, problem, "give it another name")
+            elif not _is_left(step[name]):
+                problem = f"the step {str(name)!r} never ends"
+                hint = "write an operation, a part, or a way on such as 'after: {5 s: NEXT_STEP}'"
+                self._findings.add(step.key_place(name), "unhandled-outcome", path, problem, hint)
             taken[name] = "stands there twice"
         return len(self._findings.all) > count
 
@@ -199,3 +210,8 @@ class _SequenceState:
     def _add(self, key: str, rule: str, problem: str, hint: str) -> None:
         place = self._state.key_place(key)
         self._findings.add(place, rule, f"{self._path}.{key}", problem, hint)
+
+
+def _is_left(step: Any) -> bool:
+    """Say whether a step has an end, or a way on; one of another shape is for its model."""
+    return not isinstance(step, Map | None) or bool(step and (_ENDING | _WAYS_ON) & step.keys())

@@ -21,15 +21,15 @@ from lupin_engine.missions.folders import (
 from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.registry import Catalog
 
-#: Where missions are looked for before the shipped ones: the folder `missions` of the current folder.
+#: Where missions are looked for before the shipped ones: this folder in the current one, or that one itself.
 LOCAL = Path(MISSIONS)
 
 
 def mission_folders() -> list[Path]:
     """Return the search path of missions, nearest first; UsageError where the shipped ones are missing."""
-    found = [LOCAL] if is_missions_folder(LOCAL) else []
+    found = [LOCAL] if is_missions_folder(LOCAL) else [Path()] if is_missions_folder(Path.cwd()) else []
     shipped = default_missions_folder()
-    return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
+    return found if found and found[0].resolve() == shipped.resolve() else [*found, shipped]
 
 
 def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = False) -> LoadedMissions:

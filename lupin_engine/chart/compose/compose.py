@@ -125,7 +125,11 @@ def _with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings
             return None
         return catalog
     if name not in known:
-        findings.unknown(lifecycle.at("profile"), "unknown-profile", "profile", "profile", name, known)
+        hint = (
+            f"{nearest(name, known)} or install the package that has it: pip install --editable lupin-{name}"
+        )
+        problem = f"unknown profile {str(name)!r}"
+        findings.add(lifecycle.at("profile"), "unknown-profile", "profile", problem, hint)
         return None
     return catalog.with_profile(name)
 
@@ -619,6 +623,9 @@ class _Composer:
     def _again(self, node: ItineraryNode, path: str) -> tuple[str, ...]:
         """Return the statuses after which a target is visited once more; findings for unknown ones."""
         allowed = self._catalog.profile.statuses
+        if "again" in node.model_fields_set and not node.again:
+            problem, hint = "the list of statuses is empty", f"write one of these: {', '.join(allowed)}"
+            self._findings.add(node.at("again"), "wrong-shape", f"{path}.again", problem, hint)
         for index, status in enumerate(node.again):
             if status not in allowed:
                 problem, hint = f"unknown status {str(status)!r}", nearest(status, allowed)

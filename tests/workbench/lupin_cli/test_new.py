@@ -10,6 +10,7 @@ import pytest
 from lupin_cli.main import main
 from lupin_engine import __version__
 from lupin_engine.chart.source import head
+from lupin_engine.errors import shortened
 from lupin_engine.missions.folders import default_missions_folder
 
 #: What every author's folder begins with.
@@ -200,6 +201,9 @@ def test_a_mission_that_exists_is_not_written_over(
         ("lifecycle", ""),
         ("3", ""),
         ("..", ""),
+        ("true", ""),
+        ("null", ""),
+        ("a" * 61, ""),
     ],
 )
 def test_a_name_that_cannot_be_one(
@@ -207,8 +211,8 @@ def test_a_name_that_cannot_be_one(
 ) -> None:
     """Answered with what a name looks like, and the nearest one."""
     assert main(["new", name]) == 2
-    wanted = f"write lower-case letters, digits and underscores, such as water_beds{hint}"
-    problem = f"{name!r} cannot be the name of a mission's file: {wanted}"
+    wanted = f"write at most 60 lower-case letters, digits and underscores, such as water_beds{hint}"
+    problem = f"{shortened(name)!r} cannot be the name of a mission's file: {wanted}"
     assert capsys.readouterr().err == f"lupin: {problem}\n"
     assert files(folder) == []
 

@@ -80,7 +80,7 @@ def test_all_that_is_wrong_is_told_at_once(folder: Path, capsys: pytest.CaptureF
     assert main(["new", "rounds", "--profile", "nav"]) == 2
     assert main(["new", "rounds", "--profile", "courier", "--like", "inspection"]) == 2
     exists = "'missions/lifecycle.yaml' exists; begin in another folder\n"
-    wanted = "lower-case letters, digits and underscores, such as"
+    wanted = "at most 60 lower-case letters, digits and underscores, such as"
     rounds, courier = (f"{name}; did you mean '{meant}'?" for name, meant in NEAREST)
     assert capsys.readouterr().err == (
         f"lupin: 'Rounds' cannot be the name of a mission's file: write {wanted} {rounds}\n"

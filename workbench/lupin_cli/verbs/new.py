@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from lupin_cli.files import nearest_name, title_of, write_text
-from lupin_engine.errors import Problems, UsageError
+from lupin_engine.errors import Problems, UsageError, shortened
 from lupin_engine.plugin import NAME, PROFILES, entry_points, load_catalog, source_file
 from lupin_engine.sim import SUFFIX
 
@@ -38,6 +38,9 @@ expect:
   passes: [PREPARE, WORKING, done]         # in this order, others between them
   never: [FAULT]
 """
+
+#: The longest name of a mission or a profile.
+MAX_NAME = 60
 
 LIFECYCLE = """\
 lifecycle: my-robot
@@ -194,10 +197,10 @@ def _filled(text: str, words: Mapping[str, str]) -> str:
 
 def _check_profile(profile: str) -> None:
     """Check that a profile can have this name, and that none has it."""
-    if not NAME.fullmatch(profile):
-        wanted = "lower-case letters, digits and underscores, such as courier"
+    if not _is_name(profile):
+        wanted = f"at most {MAX_NAME} lower-case letters, digits and underscores, such as courier"
         raise UsageError(
-            f"{profile!r} cannot be the name of a profile: write {wanted}{nearest_name(profile)}"
+            f"{shortened(profile)!r} cannot be the name of a profile: write {wanted}{nearest_name(profile)}"
         )
     taken = {point.name: point for point in entry_points(PROFILES)}
     if profile in taken:
@@ -222,14 +225,21 @@ def _lifecycle(file: Path, *, copy: bool) -> str:
     return first + line + yaml_text({"origin": origin}) + rest
 
 
+def _is_name(name: str) -> bool:
+    """Return whether files and keys can have a name: YAML reads it as text, and a file system takes it."""
+    import yaml
+
+    return bool(NAME.fullmatch(name)) and len(name) <= MAX_NAME and isinstance(yaml.safe_load(name), str)
+
+
 def _check_name(name: str, files: Iterable[Path]) -> None:
     """Check the name of a mission, and that its files do not exist."""
     from lupin_engine.missions import folders
 
-    if not NAME.fullmatch(name) or name == Path(folders.LIFECYCLE).stem:
-        wanted = "lower-case letters, digits and underscores, such as water_beds"
+    if not _is_name(name) or name == Path(folders.LIFECYCLE).stem:
+        wanted = f"at most {MAX_NAME} lower-case letters, digits and underscores, such as water_beds"
         raise UsageError(
-            f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
+            f"{shortened(name)!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
         )
     for file in files:
         if file.exists():
