@@ -32,6 +32,20 @@ states:
     on_done: done
   done: {type: final}
 """
+#: One that reports, and has no itinerary.
+AROUND_OUT = """\
+mission: Example
+context:
+  front_locked: {type: bool, default: false}
+states:
+  USING:
+    use: out
+    out: {locked: front_locked}
+    on_done:
+      - {target: done, guard: front_locked}
+      - {target: FAULT}
+  done: {type: final}
+"""
 
 
 reference = load_tool("reference")
@@ -67,7 +81,7 @@ def test_an_example_is_right(file: Path, tmp_path: Path, shipped: Catalog) -> No
         text, beside = IDLE.read_text(encoding="utf-8"), []
     elif text.startswith("part:"):
         (tmp_path / PARTS / file.name).write_text(text, encoding="utf-8")
-        text = AROUND_PART
+        text = AROUND_OUT if file.stem == "out" else AROUND_PART
     elif not text.startswith("mission:"):
         text = AROUND_STATE.format("\n".join(f"    {line}" for line in text.splitlines()))
     mission.write_text(text, encoding="utf-8")
