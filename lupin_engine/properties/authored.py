@@ -83,9 +83,15 @@ def watched(rule: TemporalProperty) -> Property:
 
     remembers = is_bounded(rule) or rule.eventually is not None
     found = Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers)
-    if rule.never is None or rule.mission or rule.not_meant:
-        return found
-    # A step in which none of them is true leaves as it is what is remembered.
+    meant_always = not rule.mission and not rule.not_meant
+    return found if rule.never is None or not meant_always else _asked_by_kind(rule, found, remembers)
+
+
+def _asked_by_kind(rule: TemporalProperty, found: Property, remembers: bool) -> Property:
+    """Return the monitor of a `never` that is asked only in steps in which a condition of it may be true.
+
+    A step in which none of them is true leaves as it is what is remembered.
+    """
     conditions = [one for one in (rule.never, rule.after, rule.until) if one is not None]
     begins = REQUESTED if remembers and rule.after is None else 0
     return replace(

@@ -33,6 +33,7 @@ from lupin_engine.chart.documents import (
     LifecycleNode,
     MissionNode,
     PartNode,
+    PropertyNode,
     StateNode,
     written_in,
 )
@@ -377,22 +378,30 @@ class _Composer:
     def _properties(self, files: Iterable[FileNode]) -> dict[str, TemporalProperty]:
         """Read the properties of all files; each has a name of its own in the whole chart."""
         found: dict[str, TemporalProperty] = {}
+        former: dict[str, str] = {}
         for file in files:
             for name, node in file.properties.items():
-                place, path = file.key_at("properties", name), f"properties.{name}"
-                own = own_name(name, node, place, self._findings)
-                if own and self._is_new("property", own, place, path, found):
-                    about = file.name if isinstance(file, MissionNode) else ""
-                    with self._at_all_times(file, "property", node.place, path) as scope:
-                        read = read_property(own, node, place, scope, self._findings, about)
-                    if node.code is not None:
-                        check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
-                    if read is not None:
-                        found[own] = read
-        former = {one.formerly: name for f in files for name, one in f.properties.items() if one.formerly}
+                self._property(file, name, node, found)
+                former |= {node.formerly: name} if node.formerly else {}
         for mission in self._requested:
             self._not_meant(mission, found, former)
         return found
+
+    def _property(
+        self, file: FileNode, name: str, node: PropertyNode, found: dict[str, TemporalProperty]
+    ) -> None:
+        """Add a property of a file, unless its name or it itself is wrong."""
+        place, path = file.key_at("properties", name), f"properties.{name}"
+        own = own_name(name, node, place, self._findings)
+        if not own or not self._is_new("property", own, place, path, found):
+            return
+        about = file.name if isinstance(file, MissionNode) else ""
+        with self._at_all_times(file, "property", node.place, path) as scope:
+            read = read_property(own, node, place, scope, self._findings, about)
+        if node.code is not None:
+            check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
+        if read is not None:
+            found[own] = read
 
     def _not_meant(
         self, mission: MissionNode, found: dict[str, TemporalProperty], former: Mapping[str, str]

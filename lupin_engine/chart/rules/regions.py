@@ -66,15 +66,15 @@ def _final_region(parallel: State, region: State) -> Diagnostic:
 def shared_variable(index: Index) -> Iterator[Diagnostic]:
     """Find a variable that two parts report which can be active at the same time."""
     first: dict[tuple[str, str], dict[str, Draft]] = {}
-    for draft in index.composed.drafts.values() if index.parallel else ():
-        for name, variable in draft.out.items():
-            for parallel, region in index.region_of.get(draft.name, ()) if variable else ():
-                known = first.setdefault((parallel, variable), {})
-                other = next((found for there, found in known.items() if there != region), None)
-                known.setdefault(region, draft)
-                if other is not None and draft.node is not None:
-                    place = draft.node.value_at("out", name)
-                    yield _both_write(f"{draft.name}.out.{name}", variable, other, place)
+    drafts = index.composed.drafts.values() if index.parallel else ()
+    for draft, name, variable in ((d, *each) for d in drafts for each in d.out.items() if each[1]):
+        for parallel, region in index.region_of.get(draft.name, ()):
+            known = first.setdefault((parallel, variable), {})
+            other = next((found for there, found in known.items() if there != region), None)
+            known.setdefault(region, draft)
+            if other is not None and draft.node is not None:
+                place = draft.node.value_at("out", name)
+                yield _both_write(f"{draft.name}.out.{name}", variable, other, place)
 
 
 def _both_write(path: str, variable: str, other: Draft, place: Place) -> Diagnostic:
