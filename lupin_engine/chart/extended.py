@@ -30,7 +30,7 @@ from lupin_engine.chart.nodes import Meaning, Named, Node
 from lupin_engine.chart.semantics import matches
 from lupin_engine.chart.source import Map, Merged, Seq, map_at
 from lupin_engine.chart.validation import Way
-from lupin_engine.errors import Place, meant
+from lupin_engine.errors import Diagnostic, Place, meant
 from lupin_engine.plugin.profile import START
 
 _FIXED, _NOTHING = "not-overridable", "overrides-nothing"
@@ -75,6 +75,23 @@ def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Ma
         return None
     _Additions(own, base, findings).check()
     return _Merger(own, base, findings, left_out).merged()
+
+
+def with_override(one: Diagnostic, own: Map, base: str) -> Diagnostic:
+    """Return a finding in the file `base` of an extended lifecycle with the place of what overrides there.
+
+    That is the override with the longest way in common with the finding; without one nothing is added.
+    """
+    holder, place = own, None
+    for word in one.path.split(".") if one.place.file == base else ():
+        if word not in holder:
+            holder = _inner(holder, "states")
+        if word not in holder:
+            break
+        holder, place = _inner(holder, word), holder.key_place(word)
+    if place is None:
+        return one
+    return replace(one, hint="; ".join(filter(None, (one.hint, f"look at the override in {place}"))))
 
 
 class _Merger:

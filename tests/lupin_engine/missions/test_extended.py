@@ -180,6 +180,29 @@ def test_a_mistake_in_an_override_is_told_at_its_place(folder: Path, catalog: Ca
     )
 
 
+@pytest.mark.parametrize(
+    ("overrides", "text"),
+    [
+        (
+            "states:\n  RETURNING: {initial: DOCKED}\n",
+            "RETURNING.DRIVING_HOME: no way leads to this state; add a transition to it, or remove it; "
+            "look at the override in OWN:4:3",
+        ),
+        (
+            "params:\n  dock_timeout_s: {min: 2 min}\n",
+            "params.dock_timeout_s: the default is below the minimum of 2 min; "
+            "look at the override in OWN:4:3",
+        ),
+    ],
+)
+def test_what_an_override_breaks_in_the_shipped_file(
+    overrides: str, text: str, folder: Path, catalog: Catalog
+) -> None:
+    """It is reported there, with the place of the override."""
+    (one,) = told(folder, overrides, catalog)
+    assert one.replace(str(folder / "lifecycle.yaml"), "OWN") == text
+
+
 def test_what_a_warning_accepts_is_read_in_both_files(folder: Path, catalog: Catalog) -> None:
     """An override that is the same is a warning, which can be accepted where it stands."""
     line = "params: {dock_retry_max: {default: 3}}"
@@ -319,6 +342,12 @@ states: {RETURNING: {states: {DOCKED: {on: {mission.start: {refuse: waits}}}}}}
             "states.CLEANING.on.mission.*: this answers a start, which only the states of greenhouse-robot "
             "do: every project answers a start in the same way; remove it, refuse the start here, or copy "
             "the answers of an inherited state: 'use: STATE'",
+        ),
+        (
+            "states: {RETURNING: {states: {LOOK: {on: {mission.start: {use: READY}}}}}}",
+            "states.RETURNING.states.LOOK.on.mission.start: this answers a start, which greenhouse-robot "
+            "does in SHIPPED: every project answers a start in the same way; remove it, or refuse the "
+            "start here",
         ),
         (
             "on: {mission.*: MISSION}",
