@@ -262,7 +262,7 @@ The two are merged before anything else happens, so that checks, proofs, picture
   slot and the initial state; an invariant. An inherited property may get a stricter `breach`, a `code` and a
   `summary`. No transition of the file `releases` an inherited hold. New holds, invariants and properties may
   be added.
-- Any state of the file may refuse a start (`mission.start` or `mission.*`), and none accepts one. But a new
+- A new state may refuse a start, and so may one inside an inherited state; none accepts one. But a new
   state, if none around it answers, may copy the answers of an inherited one: `mission.start: {use: READY}`.
   In a new state that does not answer, a start begins nothing, but releases the holds that a start releases.
 - A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
