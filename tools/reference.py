@@ -254,11 +254,17 @@ The two are merged before anything else happens, so that checks, proofs, picture
 - All else replaces: a transition (with its guard, actions and code), a list, actions, an expression, and an
   `invoke` with a `do`. Nothing can be taken out.
 - In document order a new state or event comes after the inherited ones.
-- These cannot be overridden: a hold; a transition with `during` or `releases`; the answers to
-  `mission.start`, also by a state inside or by `mission.*`; the inputs and parameters that the conditions of
-  holds and of these answers read; the profile and the slot; an invariant. An inherited property may get a
-  stricter `breach`, a `code` and a `summary`. No transition of the file `releases` an inherited hold. New
-  holds, invariants and properties may be added.
+- These cannot be overridden: a hold, the severity of its codes, the requests that engage and release it (no
+  state answers them, no new hold is engaged by them), and the `on_hold` of an inherited operation; a
+  transition with `during` or `releases`; the answers to `mission.start` of inherited states; the inputs and
+  parameters that the conditions of holds and of these answers read, and the parameters of the levels of such
+  inputs: a robot gets their values as its parameters; the type of a parameter or variable; the profile, the
+  slot and the initial state; an invariant. An inherited property may get a stricter `breach`, a `code` and a
+  `summary`. No transition of the file `releases` an inherited hold. New holds, invariants and properties may
+  be added.
+- A new state may refuse a start, and so may one inside an inherited state; none accepts one. But a new
+  state, if none around it answers, may copy the answers of an inherited one: `mission.start: {use: READY}`.
+  In a new state that does not answer, a start begins nothing, but releases the holds that a start releases.
 - A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
   the inherited one is a warning.
 - `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.

@@ -12,7 +12,7 @@ that was rewritten.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin
@@ -30,7 +30,7 @@ from lupin_engine.chart.nodes import Meaning, Named, Node
 from lupin_engine.chart.semantics import matches
 from lupin_engine.chart.source import Map, Merged, Seq, map_at
 from lupin_engine.chart.validation import Way
-from lupin_engine.errors import Place, meant
+from lupin_engine.errors import Diagnostic, Place, meant
 from lupin_engine.plugin.profile import START
 
 _FIXED, _NOTHING = "not-overridable", "overrides-nothing"
@@ -45,6 +45,9 @@ _HELD = "every project is held and released in the same way"
 _ANSWERED = "every project answers a start in the same way"
 _KEPT = "every project keeps the conditions that it inherits"
 _STRICTER = "write one of another name that asks for more"
+_TYPED = "what reads it expects that type"
+_SET = "remove it; a robot's own value is given to it as a parameter"
+_BEGUN = "every robot begins by waiting for what it needs"
 _NOT_MEANT = "a mission that it is not meant of names it under 'not_meant', with the reason"
 #: The keys that each file has for itself.
 _OWN_KEYS = frozenset({"lifecycle", "extends", "lupin"})
@@ -72,6 +75,23 @@ def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Ma
         return None
     _Additions(own, base, findings).check()
     return _Merger(own, base, findings, left_out).merged()
+
+
+def with_override(one: Diagnostic, own: Map, base: str) -> Diagnostic:
+    """Return a finding in the file `base` of an extended lifecycle with the place of what overrides there.
+
+    That is the override with the longest way in common with the finding; without one nothing is added.
+    """
+    holder, place = own, None
+    for word in one.path.split(".") if one.place.file == base else ():
+        if word not in holder:
+            holder = _inner(holder, "states")
+        if word not in holder:
+            break
+        holder, place = _inner(holder, word), holder.key_place(word)
+    if place is None:
+        return one
+    return replace(one, hint="; ".join(filter(None, (one.hint, f"look at the override in {place}"))))
 
 
 class _Merger:
@@ -164,11 +184,17 @@ class _Merger:
         match way:
             case ("profile",):
                 return _Fixed("the profile", "its states belong to that profile")
+            case ("initial",):
+                return _Fixed("the initial state", _BEGUN)
             case ("holds", name):
                 return _Fixed(f"the hold {name!r}", _HELD)
             case (("inputs" | "params") as section, name) if (section, name) in self._readers:
                 what = "input" if section == "inputs" else "parameter"
-                return _Fixed(f"the {what} {name!r}", f"{self._readers[str(section), str(name)]} reads it")
+                reader = self._readers[str(section), str(name)]
+                hint = "remove it" if section == "inputs" else _SET
+                return _Fixed(f"the {what} {name!r}", f"{reader} reads it", hint)
+            case (("params" | "context"), name, "type"):
+                return _Fixed(f"the type of {name!r}", _TYPED)
             case ("invariants", name):
                 return _Fixed(f"the invariant {name!r}", _KEPT, _STRICTER)
             case ("properties", name) if _is_weaker(new, old):
@@ -212,10 +238,15 @@ class _Additions:
         self._findings = findings
         self._name = str(own["extends"])
         self._holds = _inner(base, "holds")
+        self._engaging = dict(_requests_of(self._holds, "engage"))
+        self._asking = {**dict(_requests_of(self._holds, "release")), **self._engaging}
 
     def check(self) -> None:
         """Report them all."""
-        self._transitions(self._own, ())
+        self._new_holds()
+        self._codes_of_holds()
+        self._releases(self._own, ())
+        self._answers(_inner(self._own, "on"), _inner(self._base, "on"), (), [])
         self._states(self._own, self._base, (), [])
 
     def _states(self, own: Map, base: Map | None, way: Way, around: list[Map]) -> None:
@@ -226,35 +257,89 @@ class _Additions:
 
     def _state(self, state: Map, inherited: Any, way: Way, around: list[Map]) -> None:
         base = inherited if isinstance(inherited, Map) else None
-        self._transitions(state, way)
+        self._releases(state, way)
         within = around if base is None else [base, *around]
-        self._start(state, way, within)
+        self._answers(_inner(state, "on"), _inner(base, "on"), way, within)
+        self._on_hold(_inner(state, "invoke"), _inner(base, "invoke"), way)
         self._states(state, base, way, within)
 
-    def _transitions(self, holder: Map, way: Way) -> None:
+    def _refuse(self, place: Place, way: Way, problem: str, hint: str = "remove it") -> None:
+        self._findings.add(place, _FIXED, _path(way), problem, hint)
+
+    def _new_holds(self) -> None:
+        """Report new holds that could refuse a request of an inherited one."""
+        for name, hold in _inner(self._own, "holds").items():
+            if name in self._holds or not isinstance(hold, Map):
+                continue
+            for key, asking in (("engage", self._asking), ("release", self._engaging)):
+                taken = next((each for each in _elements(hold.get(key)) if str(each) in asking), None)
+                if taken is not None:
+                    problem = f"this asks for {self._request(str(taken))}: {_HELD}"
+                    self._refuse(hold.key_place(key), ("holds", name, key), problem, "name another request")
+
+    def _codes_of_holds(self) -> None:
+        """Report another severity for the code of an inherited hold."""
+        codes, inherited = _inner(self._own, "codes"), _inner(self._base, "codes")
+        for name, hold in self._holds.items():
+            for code in (hold.get(key) for key in ("code", "engage_code")):
+                own, base = _inner(codes, str(code)), _inner(inherited, str(code))
+                if "severity" in own and own["severity"] != base.get("severity"):
+                    what = (
+                        f"the hold {name!r} of {self._name}, {self._holds.key_place(name)}, reports this code"
+                    )
+                    problem = f"{what}: {_HELD}"
+                    hint = "remove it; 'label' and 'advice' may differ"
+                    self._refuse(own.key_place("severity"), ("codes", str(code), "severity"), problem, hint)
+
+    def _releases(self, holder: Map, way: Way) -> None:
         """Report transitions that release an inherited hold."""
         for key, transition in _transitions_in(holder):
             for hold in _elements(transition.get("releases", ())):
                 if isinstance(hold, str) and hold in self._holds:
                     where = self._holds.key_place(str(hold))
                     what = f"this releases the hold {str(hold)!r} of {self._name}, {where}"
-                    problem = f"{what}: {_HELD}"
-                    place = transition.key_place("releases")
-                    self._findings.add(place, _FIXED, _path((*way, key)), problem, "remove it")
+                    self._refuse(transition.key_place("releases"), (*way, key), f"{what}: {_HELD}")
 
-    def _start(self, state: Map, way: Way, within: Iterable[Map]) -> None:
-        """Report further answers to a start, in an inherited state that has one or inside it."""
-        answers = [_inner(each, "on") for each in within]
+    def _on_hold(self, invoke: Map, inherited: Map, way: Way) -> None:
+        """Report another effect of holds on an inherited operation."""
+        if inherited and "on_hold" in invoke and invoke["on_hold"] != inherited.get("on_hold"):
+            what = (
+                f"this changes what a hold does to the operation of {self._name}, {inherited.key_place('do')}"
+            )
+            self._refuse(invoke.key_place("on_hold"), (*way, "invoke", "on_hold"), f"{what}: {_HELD}")
+
+    def _answers(self, on: Map, inherited: Map, way: Way, within: list[Map]) -> None:
+        """Report answers to the requests of inherited holds, and to a start."""
+        for event in on:
+            asked = next((each for each in self._asking if matches(event, each)), None)
+            if event in inherited and _is_same(on[event], inherited[event]):
+                continue  # it is reported as such
+            if asked is not None and _elements(on[event]):
+                problem = f"this answers {self._request(asked)}: {_HELD}"
+                self._refuse(on.key_place(event), (*way, "on", event), problem)
+            elif matches(event, START) and event not in inherited:
+                self._start(on, event, way, [_inner(each, "on") for each in within])
+
+    def _request(self, request: str) -> str:
+        """Return a request with what it does to an inherited hold."""
+        name = self._asking[request]
+        does = "engages" if request in self._engaging else "releases"
+        return f"{request!r}, which {does} the hold {name!r} of {self._name}, {self._holds.key_place(name)}"
+
+    def _start(self, on: Map, event: str, way: Way, answers: list[Map]) -> None:
+        """Report a further answer to a start that is no refusal; a new state may copy an inherited one's."""
         first = next((each for each in answers if START in each), None)
-        on = _inner(state, "on")
-        for event in on if first is not None else ():
-            is_override = event == START and START in answers[0]  # which is refused as such
-            is_answer = matches(event, START) and not all(map(_refuses, _elements(on[event])))
-            if is_answer and not is_override and first is not None:
-                what = f"this answers a start, which {self._name} does in {first.key_place(START)}"
-                problem = f"{what}: {_ANSWERED}"
-                hint = "remove it, or refuse the start here"
-                self._findings.add(on.key_place(event), _FIXED, _path((*way, "on", event)), problem, hint)
+        if all(_refuses(each) or (not answers and way and _copies(each)) for each in _elements(on[event])):
+            return
+        what, hint = (
+            f"this answers a start, which only the states of {self._name} do",
+            "or refuse the start here",
+        )
+        if first is not None:
+            what = f"this answers a start, which {self._name} does in {first.key_place(START)}"
+        elif not answers and way:
+            hint = "refuse the start here, or copy the answers of an inherited state: 'use: STATE'"
+        self._refuse(on.key_place(event), (*way, "on", event), f"{what}: {_ANSWERED}", f"remove it, {hint}")
 
 
 # -- helpers ---------------------------------------------------------------------------------------------
@@ -342,6 +427,18 @@ def _refuses(transition: Any) -> bool:
     return isinstance(transition, Map) and "refuse" in transition
 
 
+def _copies(transition: Any) -> bool:
+    return isinstance(transition, Map) and "use" in transition
+
+
+def _requests_of(holds: Map, key: str) -> Iterator[tuple[str, str]]:
+    """Yield the requests under a key of holds, the first hold's last; a start has rules of its own."""
+    for name, hold in reversed(holds.items()):
+        for request in _elements(hold.get(key)) if isinstance(hold, Map) else ():
+            if request != START and not str(request).startswith("input."):
+                yield str(request), name
+
+
 def _transitions_in(holder: Map) -> Iterator[tuple[str, Map]]:
     """Yield the transitions that a state or the file writes itself, each with its key."""
     for key, value in holder.items():
@@ -355,7 +452,18 @@ def _transitions_in(holder: Map) -> Iterator[tuple[str, Map]]:
 
 
 def _readers(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield the inputs and parameters that holds and answers to a start read, each with its reader."""
+    """Yield the inputs and parameters that holds and answers to a start read, each with its reader.
+
+    And the parameters that the levels of these inputs read.
+    """
+    found = dict(_read_directly(base))
+    yield from found.items()
+    for section, name in found:
+        if section == "inputs":
+            yield from _read_in(_inner(base, "inputs").get(name), f"the input {name!r}")
+
+
+def _read_directly(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
     for name, hold in _inner(base, "holds").items():
         for text in hold.values() if isinstance(hold, Map) else ():
             yield from _read_in(text, f"the hold {name!r}")

@@ -78,6 +78,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
             "both-can-win": "what is done does not depend on the order of keys or regions",
             "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
+            "held-for-ever": "a mission does not refuse, whatever happens, what alone releases a hold",
             "level-with-guard": "a hold that a level engages has no guard: the level alone decides",
             "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
         },

@@ -3,7 +3,7 @@
 A finding of a row is a warning in every engine that was released before the row's `refused` day, 90 days
 after the rule came, and an error from then on. The engine's own release day decides, never a clock: the same
 files and the same engine give the same findings. A row that is `at_once` says why there is no such time: the
-file could move the robot, falsify what is published, or end the orchestrator.
+file could move the robot or hold it for ever, falsify what is published, or end the orchestrator.
 """
 
 from __future__ import annotations
@@ -150,6 +150,15 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
             "several folders",
             upgrades=False,
             at_once="ends the orchestrator: it reads for so long that nobody hears it",
+        ),
+        "refused-release": StricterRule(
+            "held-for-ever",
+            "2026-11-30",
+            "2026-11-30",
+            "a mission that refuses, without a guard, the request that releases a hold",
+            "a `guard`, or no answer: the hold has a `release_guard`",
+            upgrades=False,
+            at_once="holds the robot for ever: nobody can let it go on",
         ),
     }
 )

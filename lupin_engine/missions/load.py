@@ -22,7 +22,7 @@ from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.compose.tree import UsedNode
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
-from lupin_engine.chart.extended import BaseFile, extended
+from lupin_engine.chart.extended import BaseFile, extended, with_override
 from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
@@ -260,14 +260,26 @@ def inspect_chart(
     found = [*findings.all, *chain.from_iterable(document.found for document in read)]
     unread = any(document.node is None for document in read)
     if bound is None or unread or any(each.rule == "no-file" for each in found):
-        return Inspection(answered(found), documents, sources, bound=bound)
+        return Inspection(answered(_with_overrides(found, root, lifecycle)), documents, sources, bound=bound)
     made = _make(root, tuple(read_missions.values()), tuple(parts.items()), bound)
     found += chain(made.found, _unused(lifecycle, read_missions, parts, texts))
     bound_texts = {binding.node.place.file: bound.sources[name] for name, binding in bound.bindings.items()}
     texts_of = {**sources, **bound_texts}
     lines = {file: raw.decode("utf-8-sig").splitlines() for file, raw in texts_of.items() if b"accept" in raw}
     shared = texts_of.keys() - {str(path) for path in missions}
+    found = _with_overrides(found, root, lifecycle)
     return Inspection(answered(found, lines, shared), documents, sources, made.composed, bound)
+
+
+def _with_overrides(
+    found: list[Diagnostic], root: _Document[LifecycleNode], lifecycle: Path
+) -> list[Diagnostic]:
+    """Return findings, those in the extended lifecycle with the place of what overrides there."""
+    base = root.base
+    if base is None or all(one.place.file != base.file for one in found):
+        return found
+    own = parse_bytes(root.raw, str(lifecycle), Findings())
+    return [one if own is None else with_override(one, own, base.file) for one in found]
 
 
 @lru_cache(maxsize=MAX_CHARTS)

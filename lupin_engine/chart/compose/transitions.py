@@ -24,10 +24,11 @@ from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_condition, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Invoke, Prompt, Transition
-from lupin_engine.chart.semantics import TIMERS
+from lupin_engine.chart.semantics import TIMERS, matches
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code
-from lupin_engine.plugin.profile import ANSWER
+from lupin_engine.plugin.profile import ANSWER, START
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, DURATION, TEXT, Type
 
@@ -142,6 +143,7 @@ class TransitionReader:
     def _handler(
         self, draft: Draft, event: str, nodes: list[TransitionNode], heard: str, inside: bool
     ) -> list[Transition]:
+        self._check_release(draft, event, nodes)
         copies = [node for node in nodes if node.use is not None]
         if not copies:
             scope, key = self._event_scope(draft, event, inside), f"{'use.' if inside else ''}on.{event}"
@@ -152,6 +154,21 @@ class TransitionReader:
             self._findings.add(node.key_at("use"), "wrong-shape", path, problem, hint)
             return []
         return self._copy(draft, event, node, path, inside)
+
+    def _check_release(self, draft: Draft, event: str, nodes: list[TransitionNode]) -> None:
+        """Report that a mission refuses, whatever happens, what alone releases a hold."""
+        last = nodes[-1].guard if nodes else ""
+        if not draft.mission or last not in (None, "true") or any(node.refuse is None for node in nodes):
+            return
+        for hold in self._declared.holds.values():
+            asked = [request for request in hold.release if request != START]
+            if asked and all(matches(event, request) for request in asked):
+                problem = f"only {' or '.join(map(repr, asked))} releases the hold {hold.name!r} here"
+                problem += ", and this always refuses it: the robot is held for ever"
+                place, path = nodes[-1].key_at("refuse"), path_of(draft.name, f"on.{event}")
+                hint = "add a guard, or remove it"
+                self._findings.extend([stricter("refused-release", place, path, problem, hint)])
+                return
 
     def _copy(
         self, draft: Draft, event: str, node: TransitionNode, path: str, inside: bool

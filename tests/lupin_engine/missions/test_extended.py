@@ -180,6 +180,29 @@ def test_a_mistake_in_an_override_is_told_at_its_place(folder: Path, catalog: Ca
     )
 
 
+@pytest.mark.parametrize(
+    ("overrides", "text"),
+    [
+        (
+            "states:\n  RETURNING: {initial: DOCKED}\n",
+            "RETURNING.DRIVING_HOME: no way leads to this state; add a transition to it, or remove it; "
+            "look at the override in OWN:4:3",
+        ),
+        (
+            "params:\n  dock_timeout_s: {min: 2 min}\n",
+            "params.dock_timeout_s: the default is below the minimum of 2 min; "
+            "look at the override in OWN:4:3",
+        ),
+    ],
+)
+def test_what_an_override_breaks_in_the_shipped_file(
+    overrides: str, text: str, folder: Path, catalog: Catalog
+) -> None:
+    """It is reported there, with the place of the override."""
+    (one,) = told(folder, overrides, catalog)
+    assert one.replace(str(folder / "lifecycle.yaml"), "OWN") == text
+
+
 def test_what_a_warning_accepts_is_read_in_both_files(folder: Path, catalog: Catalog) -> None:
     """An override that is the same is a warning, which can be accepted where it stands."""
     line = "params: {dock_retry_max: {default: 3}}"
@@ -237,7 +260,7 @@ def test_a_file_that_is_no_lifecycle_extends_none(folder: Path, catalog: Catalog
 
 
 def test_a_start_may_be_refused_by_more_states(folder: Path, catalog: Catalog) -> None:
-    """A refusal inside a state that answers it is no override; a state of one's own answers as it likes."""
+    """A refusal inside a state that answers it is no override; a new state refuses, or copies an answer."""
     overrides = """\
 codes: {waits: {label: it waits at the dock}}
 states: {RETURNING: {states: {DOCKED: {on: {mission.start: {refuse: waits}}}}}}
@@ -273,6 +296,85 @@ states: {RETURNING: {states: {DOCKED: {on: {mission.start: {refuse: waits}}}}}}
             "on: {nav.arrived: {releases: estop}}",
             "on: this releases the hold 'estop' of greenhouse-robot, SHIPPED: every project is held and "
             "released in the same way; remove it",
+        ),
+        (
+            "states: {MISSION: {on: {operator.resume: {refuse: not_running}}}}",
+            "states.MISSION.on.operator.resume: this answers 'operator.resume', which releases the hold "
+            "'pause' of greenhouse-robot, SHIPPED: every project is held and released in the same way; "
+            "remove it",
+        ),
+        (
+            "states: {DONE: {on: {operator.*: {target: READY, during: [pause, estop]}}}}",
+            "states.DONE.on.operator.*: this answers 'operator.resume', which releases the hold 'pause' of "
+            "greenhouse-robot, SHIPPED: every project is held and released in the same way; remove it",
+        ),
+        (
+            "states: {RETURNING: {states: {DOCKED: {on: {operator.resume: MISSION.history}}}}}",
+            "states.RETURNING.states.DOCKED.on.operator.resume: this answers 'operator.resume', which "
+            "releases the hold 'pause' of greenhouse-robot, SHIPPED: every project is held and released in "
+            "the same way; remove it",
+        ),
+        (
+            "on: {operator.pause: DONE}",
+            "on.operator.pause: this answers 'operator.pause', which engages the hold 'pause' of "
+            "greenhouse-robot, SHIPPED: every project is held and released in the same way; remove it",
+        ),
+        (
+            "holds: {no: {engage: operator.resume, engage_guard: 'false', release: operator.dock, code: x}}",
+            "holds.no.engage: this asks for 'operator.resume', which releases the hold 'pause' of "
+            "greenhouse-robot, SHIPPED: every project is held and released in the same way; name another "
+            "request",
+        ),
+        (
+            "states: {RETURNING: {states: {DRIVING_HOME: {invoke: {on_hold: continue}}}}}",
+            "states.RETURNING.states.DRIVING_HOME.invoke.on_hold: this changes what a hold does to the "
+            "operation of greenhouse-robot, SHIPPED: every project is held and released in the same way; "
+            "remove it",
+        ),
+        (
+            "states: {RETURNING: {states: {LOOK: {on: {mission.start: MISSION}}}}}",
+            "states.RETURNING.states.LOOK.on.mission.start: this answers a start, which greenhouse-robot "
+            "does in SHIPPED: every project answers a start in the same way; remove it, or refuse the "
+            "start here",
+        ),
+        (
+            "states: {CLEANING: {on: {mission.*: [{refuse: not_ready, guard: 1 > 2}, MISSION]}}}",
+            "states.CLEANING.on.mission.*: this answers a start, which only the states of greenhouse-robot "
+            "do: every project answers a start in the same way; remove it, refuse the start here, or copy "
+            "the answers of an inherited state: 'use: STATE'",
+        ),
+        (
+            "states: {RETURNING: {states: {LOOK: {on: {mission.start: {use: READY}}}}}}",
+            "states.RETURNING.states.LOOK.on.mission.start: this answers a start, which greenhouse-robot "
+            "does in SHIPPED: every project answers a start in the same way; remove it, or refuse the "
+            "start here",
+        ),
+        (
+            "on: {mission.*: MISSION}",
+            "on.mission.*: this answers a start, which only the states of greenhouse-robot do: every "
+            "project answers a start in the same way; remove it, or refuse the start here",
+        ),
+        (
+            "initial: DONE",
+            "initial: the initial state of greenhouse-robot, SHIPPED, cannot be overridden: every robot "
+            "begins by waiting for what it needs; remove it",
+        ),
+        (
+            "params: {battery_low_threshold: {default: 0 %}}",
+            "params.battery_low_threshold: the parameter 'battery_low_threshold' of greenhouse-robot, "
+            "SHIPPED, cannot be overridden: the input 'battery' reads it; remove it; a robot's own value "
+            "is given to it as a parameter",
+        ),
+        (
+            "codes: {estop_engaged: {severity: info, label: nothing}}",
+            "codes.estop_engaged.severity: the hold 'estop' of greenhouse-robot, SHIPPED, reports this "
+            "code: every project is held and released in the same way; remove it; 'label' and 'advice' may "
+            "differ",
+        ),
+        (
+            "params: {dock_timeout_s: {type: length, default: 2 m}}",
+            "params.dock_timeout_s.type: the type of 'dock_timeout_s' of greenhouse-robot, SHIPPED, cannot "
+            "be overridden: what reads it expects that type; remove it",
         ),
     ],
 )

@@ -65,15 +65,14 @@ def test_what_its_lifecycle_suggests_is_right(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_defect_in_an_override_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By a property that it inherits: a resume that does not look at the battery any more."""
+    """By a property that it inherits: a mission that ends where it is, not at home."""
     assert main(["new", "round_trip"]) == 0
     lifecycle = folder / "missions" / "lifecycle.yaml"
-    resume = "operator.resume: {target: MISSION.history, do: {set: {reason: done}}}"
-    lifecycle.write_text(f"{EXTENDING}states: {{RETURNING: {{states: {{DOCKED: {{on: {{{resume}}}}}}}}}}}\n")
+    lifecycle.write_text(f"{EXTENDING}states: {{MISSION: {{on_done: DONE}}}}\n")
     assert main(["check", "--strict", "missions"]) == 0
     assert main(["prove", "round_trip", "--no-restarts"]) == 1
     said = capsys.readouterr().out
-    assert "✗ low_battery_sets_off_nowhere: With a low battery no mission is started, and none goes" in said
+    assert "✗ ends_at_home: A mission ends on the way home, or in FAULT." in said
     assert said.count("✗ ") == 2  # once more in the story
 
 
