@@ -265,6 +265,7 @@ The two are merged before anything else happens, so that checks, proofs, picture
 - A new state may refuse a start, and so may one inside an inherited state; none accepts one. But a new
   state, if none around it answers, may copy the answers of an inherited one: `mission.start: {use: READY}`.
   In a new state that does not answer, a start begins nothing, but releases the holds that a start releases.
+  No other transition of yours may lead to the state with the `slot`; one to its `history` goes on.
 - A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
   the inherited one is a warning.
 - `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.

@@ -28,7 +28,7 @@ from lupin_engine.chart.documents import (
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Meaning, Named, Node
 from lupin_engine.chart.semantics import matches
-from lupin_engine.chart.source import Map, Merged, Seq, map_at
+from lupin_engine.chart.source import Map, Merged, Seq, Text, map_at
 from lupin_engine.chart.validation import Way
 from lupin_engine.errors import Diagnostic, Place, meant
 from lupin_engine.plugin.profile import START
@@ -238,6 +238,8 @@ class _Additions:
         self._findings = findings
         self._name = str(own["extends"])
         self._holds = _inner(base, "holds")
+        states = _inner(base, "states").items()
+        self._slots = {str(name) for name, state in states if isinstance(state, Map) and "slot" in state}
         self._engaging = dict(_requests_of(self._holds, "engage"))
         self._asking = {**dict(_requests_of(self._holds, "release")), **self._engaging}
 
@@ -246,6 +248,7 @@ class _Additions:
         self._new_holds()
         self._codes_of_holds()
         self._releases(self._own, ())
+        self._begins(self._own, ())
         self._answers(_inner(self._own, "on"), _inner(self._base, "on"), (), [])
         self._states(self._own, self._base, (), [])
 
@@ -258,6 +261,7 @@ class _Additions:
     def _state(self, state: Map, inherited: Any, way: Way, around: list[Map]) -> None:
         base = inherited if isinstance(inherited, Map) else None
         self._releases(state, way)
+        self._begins(state, way)
         within = around if base is None else [base, *around]
         self._answers(_inner(state, "on"), _inner(base, "on"), way, within)
         self._on_hold(_inner(state, "invoke"), _inner(base, "invoke"), way)
@@ -294,11 +298,22 @@ class _Additions:
     def _releases(self, holder: Map, way: Way) -> None:
         """Report transitions that release an inherited hold."""
         for key, transition in _transitions_in(holder):
+            if not isinstance(transition, Map):
+                continue
             for hold in _elements(transition.get("releases", ())):
                 if isinstance(hold, str) and hold in self._holds:
                     where = self._holds.key_place(str(hold))
                     what = f"this releases the hold {str(hold)!r} of {self._name}, {where}"
                     self._refuse(transition.key_place("releases"), (*way, key), f"{what}: {_HELD}")
+
+    def _begins(self, holder: Map, way: Way) -> None:
+        """Report transitions that begin a mission, as only the answer to a start does."""
+        for key, transition in _transitions_in(holder):
+            target = transition.get("target") if isinstance(transition, Map) else transition
+            if isinstance(target, Text) and target in self._slots:
+                what = f"this begins a mission, which only a start of {self._name} does"
+                hint = f"remove it; '{target}.history' goes back to the one that was left"
+                self._refuse(target.place, (*way, key), f"{what}: {_ANSWERED}", hint)
 
     def _on_hold(self, invoke: Map, inherited: Map, way: Way) -> None:
         """Report another effect of holds on an inherited operation."""
@@ -439,16 +454,14 @@ def _requests_of(holds: Map, key: str) -> Iterator[tuple[str, str]]:
                 yield str(request), name
 
 
-def _transitions_in(holder: Map) -> Iterator[tuple[str, Map]]:
+def _transitions_in(holder: Map) -> Iterator[tuple[str, Any]]:
     """Yield the transitions that a state or the file writes itself, each with its key."""
     for key, value in holder.items():
         merge = _fields(StateNode).get(key)
         if merge is None or not merge.is_transition:
             continue
         lists = value.values() if merge.of_names and isinstance(value, Map) else (value,)
-        for each in (each for one in lists for each in _elements(one)):
-            if isinstance(each, Map):
-                yield key, each
+        yield from ((key, each) for one in lists for each in _elements(one))
 
 
 def _readers(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
