@@ -121,6 +121,7 @@ from .types import Fault as Fault
 from .types import Notation as Notation
 from .types import Type as Type
 from .types import convert as convert
+from .types import elements_of as elements_of
 from .types import in_base as in_base
 from .types import in_unit as in_unit
 from .types import innermost as innermost

@@ -18,7 +18,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from lupin_engine.errors import meant, nearest, shortened
+from lupin_engine.errors import guessed, meant, nearest, shortened
 
 #: unit as written -> (base unit, factor to the base)
 UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
@@ -237,11 +237,39 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
         raise ValueError(f"more than {MAX_LISTS} lists in each other; use fewer")
     name = " ".join(words) if made else text
     if name not in known:
-        raise ValueError(f"unknown type {name!r}; {nearest(name, known)}")
+        before = text.removesuffix(name) if made else ""
+        raise ValueError(f"unknown type {name!r}; {_instead_of(name, known, before)}")
     kind = known[name]
     for gather in reversed(made):
         kind = gather(kind)
     return kind
+
+
+#: What other languages call a type, with its name here.
+_ELSEWHERE: Mapping[str, str] = {
+    **dict.fromkeys(("string", "str", "char"), "text"),
+    **dict.fromkeys(("int", "long", "whole"), "integer"),
+    **dict.fromkeys(("float", "double", "real", "decimal"), "number"),
+    **dict.fromkeys(("boolean", "flag"), "bool"),
+}
+_LISTS = frozenset({"array", "list", "sequence", "tuple", "vector"})
+_RECORDS = frozenset({"dict", "dictionary", "map", "mapping", "object", "record", "struct"})
+
+
+def _instead_of(name: str, known: Mapping[str, Type], before: str) -> str:
+    """Return what to write for an unknown type; `before` is what stands before its name, as `list of `."""
+    words = name.lower().replace("[", " ").split() or [""]
+    of = name.partition(" of ")[2]
+    if words[0] in _LISTS and of in known:
+        return f"did you mean '{before}list of {of}'?"
+    if words[0] in _LISTS:
+        return "write 'list of TYPE', such as 'list of text'"
+    if words[0] == "set":
+        return "write 'set of TYPE', such as 'set of text'"
+    if words[0] in _RECORDS:
+        return "declare its fields under 'types', and write its name here"
+    guess = _ELSEWHERE.get(words[0]) or guessed(name, known)
+    return f"did you mean {before + guess!r}?" if guess else nearest(name, known)
 
 
 #: What a type is gathered in, by its word.
@@ -434,7 +462,7 @@ def _collect(
     kind = wanted.kind
     if kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
         if _is_outside(len(value), wanted):
-            text = f"expected {_elements(wanted)}, got {len(value)}"
+            text = f"expected {elements_of(wanted)}, got {len(value)}"
             found.append(ValueProblem(path, text, Fault.RANGE, wanted, value))
         for index, element in enumerate(value):
             _collect(element, wanted.item, notation, (*path, index), found)
@@ -478,7 +506,7 @@ def _wrong_fields(
 A_LIST = "a list is wanted: write [ ... ]"
 
 
-def _elements(kind: Type) -> str:
+def elements_of(kind: Type) -> str:
     """Return how many elements a list may have: it has a minimum, a maximum, or both."""
     low, high = kind.minimum, kind.maximum
     if low is not None and high is not None:

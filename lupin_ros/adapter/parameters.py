@@ -29,6 +29,7 @@ from lupin_engine.plugin import (
     Type,
     broken_text,
     carried_as,
+    elements_of,
     is_json,
     named,
     narrowed,
@@ -76,6 +77,8 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
     low, high = narrowed(spec).minimum, narrowed(spec).maximum
     if low is None and high is None:
         return described
+    if kind.kind == "list":
+        described.additional_constraints = elements_of(kind)
     if kind.kind == "integer":
         from_value = -MAX_INTEGER if low is None else math.ceil(low)
         to_value = MAX_INTEGER if high is None else math.floor(high)
