@@ -566,7 +566,8 @@ class Declarer:
             return None
         kind = self._bounded(node, path)
         if kind is None:
-            return Field(name, MISTAKEN, place, None, None, None, node.summary)
+            default = read_key(node, "default", MISTAKEN, scope, findings, path)
+            return Field(name, MISTAKEN, place, default, None, None, node.summary)
         if node.distinct and kind.item is not None:
             kind = within(set_of(kind.item), None, kind.maximum)
         elif node.distinct:

@@ -26,6 +26,7 @@ from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import (
+    A_LIST,
     ANY,
     BOOL,
     DATE,
@@ -185,8 +186,9 @@ def _report_differences(
     problem = f"a list holds one type: the first is {known}, this is {got}"
     hint = ""
     if name:
-        problem = f"{name} is {got}, and that of the first, in line {first.place.line}, is {known}"
-        hint = _in_the_unit_of(first, this) or _in_the_unit_of(this, first, "there ")
+        line = f", in line {first.place.line}," if first.place.line != this.place.line else ""
+        problem = f"{name} is {got}, and that of the first{line} is {known}"
+        hint = _in_the_unit_of(first, this) or _in_the_unit_of(this, first, " there")
     findings.add(this.place, "wrong-type", path, problem, hint)
 
 
@@ -194,7 +196,7 @@ def _in_the_unit_of(known: _Literal, bare: _Literal, where: str = "") -> str:
     """Return the spelling of a plain number beside one with a unit; '' for other literals."""
     if not is_number(bare.type) or bare.type.unit or known.type.unit not in UNITS:
         return ""
-    return f"write {where}'{show(bare.raw)} {known.type.unit}'"
+    return f"write '{show(bare.raw)} {known.type.unit}'{where}"
 
 
 def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path: str) -> None:
@@ -349,6 +351,8 @@ def _instead(raw: Any, wanted: Type) -> str:
         return f"quote it: '{show(raw)}'"
     if wanted.kind == "bool":
         return "write true or false"
+    if wanted.kind == "list" and isinstance(raw, Mapping):
+        return A_LIST
     return f"write a mapping with {', '.join(wanted.fields)}" if wanted.fields else ""
 
 

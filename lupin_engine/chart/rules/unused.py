@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lupin_engine.chart.expressions.evaluation import Constant, Value
+from lupin_engine.chart.expressions.values import MISTAKEN
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.rules.index import Index
@@ -22,7 +23,7 @@ def unused_parameter(index: Index) -> Iterator[Diagnostic]:
     """
     rule, chart = "unused-parameter", index.chart
     for name, place in _declared(index, "parameter"):
-        if name in index.composed.usage.parameters:
+        if name in index.composed.usage.parameters or chart.parameters[name].type is MISTAKEN:
             continue
         problem, path = f"nothing reads the parameter {name!r}", f"params.{name}"
         if place.file in chart.lifecycle_files[1:]:
