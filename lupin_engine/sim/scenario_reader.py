@@ -15,7 +15,7 @@ from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.strictness import stricter
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, nearest
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import narrowed
@@ -355,10 +355,13 @@ class ScriptReader:
         (mission, *_) = words.chart.missions.values()
         for name in written:
             field = mission.request.get(name)
-            if field is None and name in words.chart.profile.request:
-                continue  # every start has it, and this mission has no use for it
-            known = words.known(written.key_place(name), "field", name, mission.request, "request")
-            if known and field is not None and innermost(field.type).name not in words.catalog.readers:
+            if field is None and name not in words.chart.profile.request:  # every start has those
+                place, hint = written.key_place(name), nearest(name, mission.request)
+                problem = f"{mission.name} has no field {name!r}, which is ignored"
+                words.findings.extend([stricter("ignored-field", place, "request", problem, hint)])
+            if field is None or written[name] is None:
+                continue
+            if innermost(field.type).name not in words.catalog.readers:
                 words.given(written[name], written.value_place(name), field.type, f"request.{name}")
 
     # -- mocks ------------------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
 def _unit(kind: Type) -> str:
     """Return the unit of a number; of a record, which is sent as a list, each field's; of JSON its form."""
     if is_json(kind):
-        return f"JSON: {_form(kind)}"
+        return f"JSON, numbers in base units: {_form(kind)}"
     fields = (f"{name} {field.unit}".rstrip() for name, field in kind.fields.items())
     return ", ".join(fields) if kind.kind == "record" else kind.unit
 
