@@ -350,8 +350,13 @@ each element once, in the order in which they came. Plugins add their own types.
 Those of a mission, a part or the lifecycle are known in the whole chart, those of a [binding](#bindings) in
 the missions beside it and in bindings without types: a file `bindings/places.yaml` with nothing but `types`
 is the place for what all share. A value has every field of its type; in a file each one is checked, with its
-unit and range. Over ROS a parameter that is a list of records, or a record of more than numbers, is a text of
-JSON, as its description says, with numbers in base units or texts such as `"120 cm"`.
+unit and range. On the command line and in scenarios they are written likewise, and each mistake is reported.
+Over ROS a parameter that is a list of records, or a record of more than numbers, is a text of JSON. There a
+number without a unit is in the base unit, which the parameter's description shows: `"x": 1` is 1 m, and so is
+`"x": "100 cm"`.
+
+The `min` and `max` of a parameter that is a list are the numbers of its elements: a table with `min: 1` is
+never empty, so `param.wards[0]` is always there. A list with fewer or more is refused wherever it is given.
 """
 UNITS_HEAD = """\
 A number that has a dimension is written with one of its units, and declared as `type: number` with `unit`.

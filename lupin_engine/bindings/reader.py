@@ -354,9 +354,8 @@ class _BindingReader:
             place, path = self._node.key_at("params", name), f"params.{name}"
             self._good_name(NAME, "parameter", name, place, path, WORDS)
             parameter = self._declarer.parameter(written, path)
-            if parameter is not None:
-                self._declarer.check_settable(name, parameter.type, written, place)
-                yield name, parameter
+            self._declarer.check_settable(name, parameter.type, written, place)
+            yield name, parameter
 
     def _unused_parameters(self) -> None:
         for name in self._node.params:

@@ -471,8 +471,8 @@ class ParameterNode(Node):
     unit: Annotated[str | None, Meaning.UNIT] = Field(
         None, description="unit of a number; a number in s is a duration"
     )
-    min: Bound = Field(None, description="smallest value")
-    max: Bound = Field(None, description="largest value")
+    min: Bound = Field(None, description="smallest value; of a list, the fewest elements")
+    max: Bound = Field(None, description="largest value; of a list, the most elements")
     summary: str = Field("", description="one sentence for people")
 
 

@@ -92,6 +92,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "Itineraries": {
             "double-close": "a visit is closed once, and nothing else publishes its target",
+            "repeated-target": "targets of one itinerary that differ have different ids",
             "open-visit": "an itinerary goes on from a visit that is closed",
             "no-target": "a target is read only where the itinerary has one",
             "begins-anew": "an itinerary is begun anew on purpose, not by what only wants to go on",

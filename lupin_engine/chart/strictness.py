@@ -98,6 +98,21 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
             "a property with a name that has become that of a built-in one",
             "`my_NAME`, which is also its name until then",
         ),
+        "bare-setting": StricterRule(
+            "no-unit",
+            "2026-11-30",
+            "2027-02-28",
+            "a number without a unit in the `request` or the `parameters` of a scenario",
+            "the unit: `90 s`, `2.4 m`",
+        ),
+        "ignored-field": StricterRule(
+            "unknown-argument",
+            "2026-11-30",
+            "2027-02-28",
+            "a field in the `request` of a scenario that its mission does not have",
+            "the name of one that it has",
+            upgrades=False,
+        ),
         "first-visit-open": StricterRule(
             "open-visit",
             "2026-11-29",

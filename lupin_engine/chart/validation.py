@@ -82,6 +82,8 @@ def _follows(found: Diagnostic, *way: str) -> bool:
             return True
         if holder and holder[-1] in _DECLARING and re.search(rf"\b{re.escape(last)}\b", found.problem):
             return True
+    if last == "ask" and found.rule == "unknown-event" and "'answer." in found.problem:
+        return True
     if found.rule == "missing-key" and found.path == ".".join(holder):
         return True
     around = ".".join(name for key, name in pairwise(way) if key == "states")

@@ -55,11 +55,13 @@ from .pages import PageMessage as PageMessage
 from .pages import PageSource as PageSource
 from .pages import ServePages as ServePages
 from .pages import declared_access as declared_access
+from .parameters import broken_text as broken_text
 from .parameters import carried_as as carried_as
 from .parameters import is_json as is_json
 from .parameters import named as named
 from .parameters import narrowed as narrowed
 from .parameters import sorted_out as sorted_out
+from .parameters import without_repetition as without_repetition
 from .profile import ANSWER as ANSWER
 from .profile import ANSWER_VERB as ANSWER_VERB
 from .profile import NO_PROFILE as NO_PROFILE
@@ -119,6 +121,7 @@ from .types import Fault as Fault
 from .types import Notation as Notation
 from .types import Type as Type
 from .types import convert as convert
+from .types import elements_of as elements_of
 from .types import in_base as in_base
 from .types import in_unit as in_unit
 from .types import innermost as innermost

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import Notation, Type, convert, innermost, within
+from lupin_engine.plugin.types import Notation, Type, converted, innermost, problems, within
 
 _SCALARS = ("bool", "integer", "number", "text")
 #: What a parameter can be, for people.
@@ -35,6 +35,9 @@ RESERVED = frozenset(
         "use_sim_time",
     }
 )
+
+#: How many letters are shown of what stands before a place in a text.
+MAX_BEFORE = 24
 
 #: Reads a value of the parameter that is named; ValueError says what is wrong with it.
 Reader = Callable[[str, Parameter, Any], Any]
@@ -67,16 +70,43 @@ def narrowed(spec: Parameter) -> Type:
 
 
 def accepted(spec: Parameter, value: Any, notation: Notation = Notation.SETTING) -> Any:
-    """Return a value as plain data in base units; ValueError names the allowed values and the given one."""
-    return convert(value, narrowed(spec), notation)
+    """Return a value as plain data in base units.
+
+    Raises:
+        ValueError: names the allowed values and the given one, a line for each part that is wrong.
+    """
+    wanted = narrowed(spec)
+    found = problems(value, wanted, notation)
+    if found:
+        raise ValueError("\n".join(problem.inside() for problem in found))
+    return converted(value, wanted)
 
 
 def named(name: str, spec: Parameter, value: Any, notation: Notation = Notation.SETTING) -> Any:
-    """Return a value as `accepted` does; the text of its ValueError begins with the parameter."""
+    """Return a value as `accepted` does; each line of its ValueError begins with the parameter."""
     try:
         return accepted(spec, value, notation)
     except ValueError as problem:
-        raise ValueError(f"parameter {name!r}: {problem}") from None
+        lines = (f"parameter {name!r}: {line}" for line in str(problem).split("\n"))
+        raise ValueError("\n".join(lines)) from None
+
+
+def without_repetition(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON as a mapping; ValueError names the keys that it has twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = ", ".join(repr(key) for key in found if keys.count(key) > 1)
+        raise ValueError(f"a record has {twice} twice; leave one out")
+    return found
+
+
+def broken_text(text: str, at: int, problem: str) -> str:
+    """Return why a text cannot be read as data: it ends too early, or is wrong `at` that letter."""
+    read = text[:at].rstrip()
+    if len(read) == len(text.rstrip()):
+        return f"unfinished: it ends after {read[-MAX_BEFORE:]!r}"
+    return f"cannot be read from letter {at + 1} on, after {read[-MAX_BEFORE:]!r}: {problem}"
 
 
 def sorted_out(
@@ -85,22 +115,22 @@ def sorted_out(
     read: Reader = named,
     elsewhere: Callable[[str], str] = lambda name: "",
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the valid values, and an error for each of the others.
+    """Return the valid values, and the errors of the others: one for each part of a value that is wrong.
 
     An unknown name is reported with the nearest one, else with the place that `elsewhere` returns for it (''
     for none), else with a list of all names, once.
     """
     values: dict[str, Any] = {}
-    problems: list[str] = []
+    wrong: list[str] = []
     listing = f"; {nearest('', declared)}"
     for name, value in given.items():
         if name not in declared:
             hint = meant(name, declared) or elsewhere(name)
-            problems.append(f"unknown parameter {name!r}" + (f"; {hint}" if hint else listing))
+            wrong.append(f"unknown parameter {name!r}" + (f"; {hint}" if hint else listing))
             listing = listing if hint else ""
             continue
         try:
             values[name] = read(name, declared[name], value)
         except ValueError as problem:
-            problems.append(str(problem))
-    return values, problems
+            wrong += str(problem).split("\n")
+    return values, wrong

@@ -18,7 +18,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from lupin_engine.errors import meant, nearest, shortened
+from lupin_engine.errors import guessed, meant, nearest, shortened
 
 #: unit as written -> (base unit, factor to the base)
 UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
@@ -237,11 +237,39 @@ def parse_type(text: str, known: Mapping[str, Type]) -> Type:
         raise ValueError(f"more than {MAX_LISTS} lists in each other; use fewer")
     name = " ".join(words) if made else text
     if name not in known:
-        raise ValueError(f"unknown type {name!r}; {nearest(name, known)}")
+        before = text.removesuffix(name) if made else ""
+        raise ValueError(f"unknown type {name!r}; {_instead_of(name, known, before)}")
     kind = known[name]
     for gather in reversed(made):
         kind = gather(kind)
     return kind
+
+
+#: What other languages call a type, with its name here.
+_ELSEWHERE: Mapping[str, str] = {
+    **dict.fromkeys(("string", "str", "char"), "text"),
+    **dict.fromkeys(("int", "long", "whole"), "integer"),
+    **dict.fromkeys(("float", "double", "real", "decimal"), "number"),
+    **dict.fromkeys(("boolean", "flag"), "bool"),
+}
+_LISTS = frozenset({"array", "list", "sequence", "tuple", "vector"})
+_RECORDS = frozenset({"dict", "dictionary", "map", "mapping", "object", "record", "struct"})
+
+
+def _instead_of(name: str, known: Mapping[str, Type], before: str) -> str:
+    """Return what to write for an unknown type; `before` is what stands before its name, as `list of `."""
+    words = name.lower().replace("[", " ").split() or [""]
+    of = name.partition(" of ")[2]
+    if words[0] in _LISTS and of in known:
+        return f"did you mean '{before}list of {of}'?"
+    if words[0] in _LISTS:
+        return "write 'list of TYPE', such as 'list of text'"
+    if words[0] == "set":
+        return "write 'set of TYPE', such as 'set of text'"
+    if words[0] in _RECORDS:
+        return "declare its fields under 'types', and write its name here"
+    guess = _ELSEWHERE.get(words[0]) or guessed(name, known)
+    return f"did you mean {before + guess!r}?" if guess else nearest(name, known)
 
 
 #: What a type is gathered in, by its word.
@@ -307,6 +335,11 @@ class ValueProblem(NamedTuple):
             where += f"[{step}]" if isinstance(step, int) else f".{step}"
         return f"{where}: {self.text}" if where else self.text
 
+    def inside(self) -> str:
+        """Return the text for a value whose name goes before it; elements without fields have no place."""
+        has_fields = self.wanted.kind == "record" or any(isinstance(step, str) for step in self.path)
+        return self.at().removeprefix(".") if has_fields else self.text
+
 
 def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> list[ValueProblem]:
     """Return why a value is not of a type, for each part of it; empty when it is.
@@ -335,7 +368,8 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
                 return False
         return True
     if made is list and kind == "list" and item is not None:
-        return wanted.maximum is None and all(_plainly_fits(element, item) for element in value)
+        in_range = not _is_outside(len(value), wanted)
+        return in_range and all(_plainly_fits(element, item) for element in value)
     return made is bool and kind == "bool"
 
 
@@ -356,8 +390,7 @@ def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> 
     """
     found = problems(value, wanted, notation)
     if found:
-        is_inside = any(isinstance(step, str) for step in found[0].path)
-        raise ValueError(found[0].at().removeprefix(".") if is_inside else found[0].text)
+        raise ValueError(found[0].inside())
     return converted(value, wanted)
 
 
@@ -428,8 +461,8 @@ def _collect(
     """Add the problems of a value, whose place is `path`, to those found."""
     kind = wanted.kind
     if kind == "list" and wanted.item is not None and isinstance(value, (list, tuple)):
-        if wanted.maximum is not None and len(value) > wanted.maximum:
-            text = f"expected at most {wanted.maximum:g} elements, got {len(value)}"
+        if _is_outside(len(value), wanted):
+            text = f"expected {elements_of(wanted)}, got {len(value)}"
             found.append(ValueProblem(path, text, Fault.RANGE, wanted, value))
         for index, element in enumerate(value):
             _collect(element, wanted.item, notation, (*path, index), found)
@@ -469,6 +502,19 @@ def _wrong_fields(
         yield Fault.MISSING_FIELDS, (), left_out
 
 
+#: What to write where one record stands for a list of them.
+A_LIST = "a list is wanted: write [ ... ]"
+
+
+def elements_of(kind: Type) -> str:
+    """Return how many elements a list may have: it has a minimum, a maximum, or both."""
+    low, high = kind.minimum, kind.maximum
+    if low is not None and high is not None:
+        return f"{low:g} to {high:g} elements"
+    bound, count = ("at least", low) if high is None else ("at most", high)
+    return f"{bound} {count:g} element{'' if count == 1 else 's'}"
+
+
 def _expected_record(value: Any, wanted: Type) -> str:
     return f"expected {wanted} with the fields {', '.join(wanted.fields)}, got {value!r}"
 
@@ -482,9 +528,11 @@ def _expected(wanted: Type, value: Any, hint: str = "", fault: Fault = Fault.KIN
 
 
 def _no_scalar(value: Any, wanted: Type, _: Notation) -> _Answer:
-    if wanted.kind != "record":
-        return _expected(wanted, value)
-    return Fault.KIND, _expected_record(value, wanted)
+    if wanted.kind == "record":
+        return Fault.KIND, _expected_record(value, wanted)
+    if wanted.kind == "list" and isinstance(value, Mapping):
+        return Fault.KIND, f"expected {wanted}, got a record alone; {A_LIST}"
+    return _expected(wanted, value, "; write [] for an empty list" if value == "" else "")
 
 
 def _bool(value: Any, wanted: Type, _: Notation) -> _Answer:

@@ -9,17 +9,18 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.chart.compose.timeless import own_name, read_property, scope_of
-from lupin_engine.chart.expressions.values import is_expression, read_constant
+from lupin_engine.chart.expressions.values import is_expression, plain, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.chart.strictness import stricter
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, nearest
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
-from lupin_engine.plugin.parameters import accepted
-from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
+from lupin_engine.plugin.parameters import narrowed
+from lupin_engine.plugin.profile import START
+from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert, converted, innermost, problems
 from lupin_engine.properties.authored import properties_of
 from lupin_engine.properties.built_in import STANDSTILL
 from lupin_engine.runtime.clock import UTC, calendar_of
@@ -29,6 +30,7 @@ from lupin_engine.sim.scenario_file import (
     EVERY,
     OPEN,
     EndNode,
+    ExpectNode,
     IsClock,
     IsDuration,
     MockNode,
@@ -227,6 +229,18 @@ class ScenarioNames:
         self.findings.extend(found.all)
         return None if read is None else read.value
 
+    def given(self, raw: Any, place: Place, kind: Type, path: str) -> bool:
+        """Say whether a value that is given to the mission is of its type; findings for each wrong part."""
+        found = Findings()
+        read_constant(raw, place, kind, found, path)
+        is_bare = bool(found.all) and not problems(plain(raw), kind)  # older engines took base units
+        if is_bare:
+            bare = [stricter("bare-setting", d.place, d.path, d.problem, d.hint) for d in found.all]
+            found = Findings()
+            found.extend(bare)
+        self.findings.extend(found.all)
+        return is_bare or not found.all
+
     def duration(self, place: Place, path: str, value: Any) -> float | None:
         """Read a duration; nothing written is None."""
         if value is None:
@@ -277,6 +291,7 @@ class ScriptReader:
     def script(self) -> Script:
         """Return the script, as far as it can be understood."""
         node = self._node
+        self._check_request()
         return Script(
             mission=next(iter(self._words.chart.missions)),
             request=node.request,
@@ -327,12 +342,27 @@ class ScriptReader:
             key = self._node.key_at("parameters", name)
             if not self._words.known(key, "parameter", name, declared, "parameters"):
                 continue
-            try:
-                found[name] = accepted(declared[name], value)
-            except ValueError as problem:
-                place = self._node.value_at("parameters", name)
-                self._words.findings.add(place, "wrong-type", f"parameters.{name}", str(problem))
+            place, kind = self._node.value_at("parameters", name), narrowed(declared[name])
+            if self._words.given(value, place, kind, f"parameters.{name}"):
+                found[name] = converted(plain(value), kind)
         return found
+
+    def _check_request(self) -> None:
+        """Report what the mission would refuse in its request, unless the scenario expects a refusal."""
+        words, written = self._words, self._node.mapping("request")
+        if written is None or (isinstance(self._node, ScenarioNode) and _may_be_refused(self._node.expect)):
+            return
+        (mission, *_) = words.chart.missions.values()
+        for name in written:
+            field = mission.request.get(name)
+            if field is None and name not in words.chart.profile.request:  # every start has those
+                place, hint = written.key_place(name), nearest(name, mission.request)
+                problem = f"{mission.name} has no field {name!r}, which is ignored"
+                words.findings.extend([stricter("ignored-field", place, "request", problem, hint)])
+            if field is None or written[name] is None:
+                continue
+            if innermost(field.type).name not in words.catalog.readers:
+                words.given(written[name], written.value_place(name), field.type, f"request.{name}")
 
     # -- mocks ------------------------------------------------------------------------------------------
 
@@ -504,6 +534,12 @@ class ScriptReader:
             self._words.code(node.at("code"), node.code, node.do, operation)
         result = self._words.fields(node, "done", node.done, operation.result, node.do)
         return End(node.do, node.code, node.detail, result)
+
+
+def _may_be_refused(expect: ExpectNode) -> bool:
+    """Say whether a scenario allows that its mission is not started."""
+    starts = [one for one in expect.refused if one.request in (None, START)]
+    return bool(starts) or expect.only is not None
 
 
 def _attribute(key: str) -> str:

@@ -23,7 +23,19 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from lupin_engine.errors import LupinError, PluginError, nearest, shortened
-from lupin_engine.plugin import MAX_INTEGER, Parameter, Type, carried_as, is_json, named, narrowed, sorted_out
+from lupin_engine.plugin import (
+    MAX_INTEGER,
+    Parameter,
+    Type,
+    broken_text,
+    carried_as,
+    elements_of,
+    is_json,
+    named,
+    narrowed,
+    sorted_out,
+    without_repetition,
+)
 
 if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
@@ -38,6 +50,10 @@ _ROS_TYPES = {
     "list of number": RosParameter.Type.DOUBLE_ARRAY,
     "list of text": RosParameter.Type.STRING_ARRAY,
 }
+
+
+#: How many things that are wrong in one value are told.
+MAX_TOLD = 8
 
 
 def ros_type(name: str, kind: Type) -> RosParameter.Type:
@@ -61,6 +77,8 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
     low, high = narrowed(spec).minimum, narrowed(spec).maximum
     if low is None and high is None:
         return described
+    if kind.kind == "list":
+        described.additional_constraints = elements_of(kind)
     if kind.kind == "integer":
         from_value = -MAX_INTEGER if low is None else math.ceil(low)
         to_value = MAX_INTEGER if high is None else math.floor(high)
@@ -77,7 +95,7 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
 def _unit(kind: Type) -> str:
     """Return the unit of a number; of a record, which is sent as a list, each field's; of JSON its form."""
     if is_json(kind):
-        return f"JSON: {_form(kind)}"
+        return f"JSON, numbers in base units: {_form(kind)}"
     fields = (f"{name} {field.unit}".rstrip() for name, field in kind.fields.items())
     return ", ".join(fields) if kind.kind == "record" else kind.unit
 
@@ -104,9 +122,17 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
     if spec.default is None and _is_nothing(spec, value):
         return None
     try:
-        return named(name, spec, _unpacked(spec.type, value))
+        unpacked = _unpacked(spec.type, value)
     except ValueError as error:
-        raise ValueError(f"{error}{_hint(spec.type, value)}") from None
+        raise ValueError(f"parameter {name!r}: {error}{_hint(spec.type, value)}") from None
+    try:
+        return named(name, spec, unpacked)
+    except ValueError as error:
+        first, *more = str(error).split("\n")
+        told = [first, *more[: MAX_TOLD - 1]]
+        if len(more) >= MAX_TOLD:
+            told.append(f"and {len(more) + 1 - MAX_TOLD} more")
+        raise ValueError("\n".join(told) + _hint(spec.type, value)) from None
 
 
 def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
@@ -147,12 +173,26 @@ def _is_nothing(spec: Parameter, value: Any) -> bool:
     return value is None or (spec.type.kind in ("record", "list") and _plain(value) == [])
 
 
+def _from_json(text: str) -> Any:
+    """Return JSON as data, and what is none as a text.
+
+    Raises:
+        ValueError: it begins as JSON and is broken; the text says where.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=without_repetition)
+    except RecursionError:
+        return shortened(text)  # refused as a text
+    except json.JSONDecodeError as error:
+        if not text.lstrip().startswith(("[", "{")):
+            return shortened(text)
+        at = len(text) if error.msg.startswith("Unterminated") else error.pos
+        raise ValueError(broken_text(text, at, error.msg)) from None
+
+
 def _unpacked(kind: Type, value: Any) -> Any:
     if is_json(kind) and isinstance(value, str):
-        try:
-            return json.loads(value)
-        except (ValueError, RecursionError):
-            return shortened(value)  # refused as a text
+        return _from_json(value)
     if kind.kind == "list":
         return [] if value is None else _plain(value)
     if kind.kind == "record" and not isinstance(value, Mapping):

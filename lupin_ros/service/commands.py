@@ -18,7 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from lupin_engine.chart import Chart
 from lupin_engine.errors import nearest, shortened, unknown_field
 from lupin_engine.machine import BAD_REQUEST, MAX_PROBLEMS, Event, Refusal, Step
-from lupin_engine.plugin import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB
+from lupin_engine.plugin import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB, without_repetition
 
 #: The field of an answer.
 CHOICE = "choice"
@@ -220,7 +220,12 @@ def _too_long(asked: CommandRequest) -> str:
 def _fields(text: str) -> dict[str, Any]:
     """Parse the JSON object of a command; an empty text is an empty object, any other a ValueError."""
     try:
-        found = json.loads(text or "{}", parse_constant=_no_number, parse_float=_finite)
+        found = json.loads(
+            text or "{}",
+            parse_constant=_no_number,
+            parse_float=_finite,
+            object_pairs_hook=without_repetition,
+        )
     except RecursionError:
         raise ValueError("its request is no JSON: it is nested too deep") from None
     except ValueError as problem:

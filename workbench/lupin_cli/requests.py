@@ -25,9 +25,16 @@ def fields_in(
     field whose value has a problem is returned as well.
     """
     texts, wrong = split(REQUEST, given)
-    values = {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
-    for name, value in values.items():
-        found = problems(value, types.get(name, TEXT), Notation.FILE)
+    values: dict[str, Any] = {}
+    for name, text in texts.items():
+        kind = types.get(name, TEXT)
+        try:
+            values[name] = value = read_value(text, kind)
+        except ValueError as problem:
+            values[name] = text
+            wrong.append(f"{REQUEST}: {name}: {problem}")
+            continue
+        found = problems(value, kind, Notation.FILE)
         wrong += [f"{REQUEST}: {one.at(name)}" for one in found if one.fault in faults]
     return values, wrong
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from typing import Any
 
 import yaml
 
-from lupin_engine.plugin import TEXT, Notation, Parameter, Type, innermost, named, sorted_out
+from lupin_engine.plugin import (
+    Notation,
+    Parameter,
+    Type,
+    broken_text,
+    innermost,
+    named,
+    sorted_out,
+    without_repetition,
+)
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
@@ -32,11 +40,17 @@ def settings_in(
         elsewhere: returns where an undeclared name belongs (see `plugin.parameters.sorted_out`).
     """
     texts, problems = split(option, given, f"{node}." if node else "")
-    types = {name: declared[name].type if name in declared else TEXT for name in texts}
-    data = {name: read_value(text, types[name]) for name, text in texts.items()}
-    values, wrong = sorted_out(declared, data, partial(named, notation=Notation.FILE), elsewhere)
+    values, wrong = sorted_out(declared, texts, _read, elsewhere)
     where = f"{option} {node}".rstrip()
     return values, [f"{where}: {problem}" for problem in [*problems, *wrong]]
+
+
+def _read(name: str, spec: Parameter, text: str) -> Any:
+    try:
+        value = read_value(text, spec.type)
+    except ValueError as problem:
+        raise ValueError(f"parameter {name!r}: {problem}") from None
+    return named(name, spec, value, Notation.FILE)
 
 
 def split(option: str, given: Iterable[str], before: str = "") -> tuple[dict[str, str], list[str]]:
@@ -75,7 +89,11 @@ def _node(item: str) -> str:
 
 
 def read_value(text: str, kind: Type) -> Any:
-    """Return the text as data; unchanged where it does not fit, which the check then reports."""
+    """Return the text as data; unchanged where it does not fit, which the check then reports.
+
+    Raises:
+        ValueError: a record or list of records that is not written to its end, or has a field twice.
+    """
     match kind.kind:
         case "bool":
             return _BOOLEANS.get(text.lower(), text)
@@ -105,14 +123,28 @@ def _as_list(text: str, kind: Type) -> Any:
     return [read_value(part.strip().strip("'\""), kind.item) for part in inner.split(",") if part.strip()]
 
 
+class _Once(yaml.SafeLoader):
+    """Reads YAML, and refuses a mapping with a key twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        without_repetition([(self.construct_object(key, deep=True), None) for key, _ in node.value])
+        return super().construct_mapping(node, deep)
+
+
 def _as_yaml(text: str, kind: Type) -> Any:
     """Read a record: `{x: 1 m, y: 2 m, yaw: 90 deg}`, or its fields in order as `[1 m, 2 m, 90 deg]`.
 
     Records in a list are read likewise, without the short form.
     """
     try:
-        value = yaml.safe_load(text)
+        value = yaml.load(text, _Once)
+    except yaml.MarkedYAMLError as error:
+        if not text.startswith(("[", "{")) or error.problem_mark is None:
+            return text
+        raise ValueError(broken_text(text, error.problem_mark.index, str(error.problem))) from None
     except yaml.YAMLError:
+        return text
+    if value is None:
         return text
     if kind.fields and isinstance(value, list) and len(value) == len(kind.fields):
         return dict(zip(kind.fields, value, strict=True))

@@ -303,6 +303,7 @@ def _rename_property(raw: Map, found: Diagnostic, _: Catalog) -> list[PlacedEdit
 
 _MENDS: Mapping[str, Callable[[Map, Diagnostic, Catalog], list[PlacedEdit]]] = {
     "bare-quantity": _add_unit,
+    "bare-setting": _add_unit,
     "wait-in-fault": _add_on_error,
     "silent-fault": _close_in_fault,
     "property-name": _rename_property,

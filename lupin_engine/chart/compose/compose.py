@@ -38,7 +38,7 @@ from lupin_engine.chart.documents import (
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.evaluation import Value
+from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.units import with_article
@@ -615,6 +615,7 @@ class _Composer:
         items = read_list(node.items, node.at("items"), outer, self._findings, f"{path}.items")
         item = (items.type.item if items is not None else None) or ANY
         self._check_identity(item, node.at("items"), f"{path}.items")
+        self._check_repetition(items, node, f"{path}.items")
         sweeps = read_key(node, "sweeps", COUNT, outer, self._findings, path)
         order = None
         if node.order is not None:
@@ -648,6 +649,30 @@ class _Composer:
             problem = f"a target is told by its 'id', and {with_article(item)} has none"
             hint = "give each an 'id', as in {id: gate, x: 1 m, ...}, or walk a list of text"
             self._findings.add(place, "wrong-type", path, problem, hint)
+
+    def _check_repetition(self, items: Value | None, node: ItineraryNode, path: str) -> None:
+        """Warn of targets that differ and have one `id`, in a list that is known before a run."""
+        first: dict[Any, int] = {}
+        targets = self._known_targets(items)
+        for index, target in enumerate(targets):
+            name = target.get("id") if isinstance(target, Mapping) else None
+            before = first.setdefault(name, index) if isinstance(name, (str, int)) else index
+            if targets[before] != target:
+                problem = f"targets {before} and {index} differ and are both called {name!r}"
+                place = node.at("items", index) if isinstance(items, Constant) else node.at("items")
+                hint = "outcomes name a target by its 'id': give each its own"
+                self._findings.warn(place, "repeated-target", path, f"{problem}, counted from 0", hint)
+
+    def _known_targets(self, items: Value | None) -> Sequence[Any]:
+        """Return the targets of a written list, or of a parameter or variable with its default."""
+        if items is None or isinstance(items, Constant):
+            found: Any = None if items is None else items.value
+        elif items.source in self._declared.context:
+            return self._known_targets(self._declared.context[items.source].default)
+        else:
+            parameter = self._declared.parameters.get(items.source.removeprefix("param."))
+            found = parameter.default if parameter and items.source.startswith("param.") else None
+        return found if isinstance(found, list) else ()
 
     def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
         """Return the scope of a part's states: the part's declarations, and the arguments of its use."""

@@ -28,6 +28,7 @@ from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
 from lupin_engine.chart.expressions.values import (
+    MISTAKEN,
     check_bound,
     read_condition,
     read_constant,
@@ -211,7 +212,7 @@ class Declarer:
         self._lower_name("field", name, file.key_at("types", record, name), path, WORDS)
         kind = self._bounded(node, path)
         if kind is None:
-            return ANY
+            return MISTAKEN
         return within(kind, self.limit(node, "min", kind, path), None)
 
     def _is_others(self, name: str, kind: Type, place: Place, path: str) -> bool:
@@ -282,8 +283,6 @@ class Declarer:
             if not self.good_name("parameter", name, place, path):
                 continue
             parameter = self.parameter(node, path)
-            if parameter is None:
-                continue
             own[name] = parameter
             plugin = self._catalog.parameters.get(name)
             if plugin is not None and not same_meaning(plugin, parameter):
@@ -294,15 +293,18 @@ class Declarer:
                 )
             self._put("parameter", self.declared.parameters, name, parameter, place)
 
-    def parameter(self, node: ParameterNode, path: str) -> Parameter | None:
-        """Read a setting; None after findings that leave no type."""
+    def parameter(self, node: ParameterNode, path: str) -> Parameter:
+        """Read a setting; `min` and `max` of a list are the numbers of its elements, and in its type."""
         kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
-            return None
+            return Parameter(MISTAKEN, None, node.summary)
+        counted = kind if kind.item is None else COUNT
+        low, high = (self.limit(node, key, counted, path) for key in ("min", "max"))
+        if kind.item is not None and self.check_range(node, "default", None, low, high, path):
+            kind, low, high = within(kind, low, high), None, None
         default = None
         if "default" in node.model_fields_set:
             default = read_constant(node.default, node.at("default"), kind, self._findings, f"{path}.default")
-        low, high = (self.limit(node, key, kind, path) for key in ("min", "max"))
         value = default.value if default is not None else None
         if isinstance(value, (int, float)):
             self.check_range(node, "default", value, low, high, path)
@@ -314,7 +316,7 @@ class Declarer:
         if name in RESERVED:
             problem = f"every orchestrator has a parameter {name!r} already"
             self._findings.add(place, "bad-name", path, problem, "rename yours")
-        if not carried_as(kind):
+        if not carried_as(kind) and kind is not MISTAKEN:
             problem = f"the orchestrator can have no parameter of type {str(kind)!r}"
             hint = f"a parameter {POSSIBLE_TYPES}"
             if innermost(kind).kind == "any":
@@ -495,9 +497,7 @@ class Declarer:
             place, path = file.key_at("context", name), f"context.{name}"
             if not self.good_name("variable", name, place, path):
                 continue
-            kind = self._bounded(node, path)
-            if kind is None:
-                continue
+            kind = self._bounded(node, path) or MISTAKEN
             at = node.at("default")
             default = read_value(node.default, at, kind, scope, self._findings, f"{path}.default")
             if default is not None:
@@ -560,13 +560,14 @@ class Declarer:
     def field(
         self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]
     ) -> Field | None:
-        """Read one field of a mission's request; None after findings about its name or type."""
+        """Read one field of a mission's request; None after findings about its name."""
         path, findings = f"request.{name}", self._findings
         if not self.good_name("field", name, place, path):
             return None
         kind = self._bounded(node, path)
         if kind is None:
-            return None
+            default = read_key(node, "default", MISTAKEN, scope, findings, path)
+            return Field(name, MISTAKEN, place, default, None, None, node.summary)
         if node.distinct and kind.item is not None:
             kind = within(set_of(kind.item), None, kind.maximum)
         elif node.distinct:

@@ -181,7 +181,7 @@ class ExpressionReader(ABC):
             problem = f"expected {q.describe(wanted)}, but {shown!r} is {q.describe(got)}"
             self.wrong(node, "wrong-unit", problem, q.unit_hint(wanted, got))
             return
-        asked, hint = q.describe(wanted), ""
+        asked, hint = q.describe(wanted), q.difference(wanted, got)
         if wanted.kind == "bool" and q.is_number(got):
             hint = f"compare it, such as '{shown} > 0'"
         elif wanted.kind == "integer" and got.kind == "number":

@@ -144,6 +144,21 @@ def accepts(wanted: Type, got: Type) -> bool:
     return True
 
 
+def difference(wanted: Type, got: Type) -> str:
+    """Return which field keeps a record from standing for another one; '' where that is no field."""
+    while wanted.kind == got.kind == "list":
+        wanted, got = wanted.item or ANY, got.item or ANY
+    if not (wanted.kind == got.kind == "record"):
+        return ""
+    for name, kind in wanted.fields.items():
+        if name not in got.fields:
+            return f"it has no {name}"
+        if not accepts(kind, got.fields[name]):
+            inside = difference(kind, got.fields[name])
+            return inside or f"its {name} is {describe(got.fields[name])}, {with_article(kind)} is wanted"
+    return ""
+
+
 def _join_lists(first: Type, second: Type) -> Type | None:
     item = join(first.item or ANY, second.item or ANY)
     limits = (first.maximum, second.maximum)

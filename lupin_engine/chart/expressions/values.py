@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.checker import compile_expression
 from lupin_engine.chart.expressions.condition import FREE, Condition, mistaken
@@ -26,6 +26,7 @@ from lupin_engine.chart.source import Map, Seq, Text, map_at, text_at
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.types import (
+    A_LIST,
     ANY,
     BOOL,
     DATE,
@@ -33,6 +34,7 @@ from lupin_engine.plugin.types import (
     NUMBER,
     TEXT,
     TIME_OF_DAY,
+    UNITS,
     Fault,
     Notation,
     Type,
@@ -47,6 +49,8 @@ from lupin_engine.plugin.types import (
     problems,
 )
 
+#: The type of what is declared with a type that does not exist: all uses of it are right.
+MISTAKEN = replace(ANY)
 #: The way to a part of a value: names of fields and numbers in lists.
 _Steps = tuple[str | int, ...]
 #: How a moment is written, by its type.
@@ -111,15 +115,16 @@ def read_list(raw: Any, place: Place, scope: Scope, findings: Findings, path: st
     """
     item = ANY
     if isinstance(raw, Seq) and raw:
-        item = literal_type(raw[0])
+        item, is_one_type = literal_type(raw[0]), True
         for index, element in enumerate(raw[1:], start=1):
-            kind = literal_type(element)
-            joined = _both(item, kind)
+            joined = _both(item, literal_type(element))
             if joined is None:
-                problem = f"a list holds one type: {_difference(item, kind)}"
-                findings.add(raw.place_of(index), "wrong-type", path, problem)
-                return None
-            item = joined
+                first = _Literal(raw[0], raw.place_of(0), item)
+                this = _Literal(element, raw.place_of(index), literal_type(element))
+                _report_differences(first, this, findings, path)
+            item, is_one_type = joined or item, is_one_type and joined is not None
+        if not is_one_type:
+            return None
     return read_value(raw, place, list_of(item), scope, findings, path)
 
 
@@ -155,13 +160,43 @@ def _both(first: Type, second: Type) -> Type | None:
     return join(first, second)
 
 
-def _difference(first: Type, this: Type) -> str:
-    """Return the difference of an element from the first one of its list."""
-    if first.kind == this.kind == "record" and first.fields.keys() == this.fields.keys():
-        name = next(name for name, kind in first.fields.items() if _both(kind, this.fields[name]) is None)
-        known, got = describe(first.fields[name]), describe(this.fields[name])
-        return f"{name!r} of the first is {known}, here it is {got}"
-    return f"the first is {describe(first)}, this is {describe(this)}"
+class _Literal(NamedTuple):
+    """A literal in a list, or a field of one: its value, its place and its type."""
+
+    raw: Any
+    place: Place
+    type: Type
+
+    def field(self, name: str) -> _Literal:
+        """Return a field of a record."""
+        return _Literal(self.raw[name], self.raw.value_place(name), self.type.fields[name])
+
+
+def _report_differences(
+    first: _Literal, this: _Literal, findings: Findings, path: str, name: str = ""
+) -> None:
+    """Report where an element differs from the first one of its list: each field, at its place."""
+    if first.type.kind == this.type.kind == "record" and first.type.fields.keys() == this.type.fields.keys():
+        for each, kind in first.type.fields.items():
+            if _both(kind, this.type.fields[each]) is None:
+                inner = f"{name}.{each}" if name else each
+                _report_differences(first.field(each), this.field(each), findings, path, inner)
+        return
+    known, got = describe(first.type), describe(this.type)
+    problem = f"a list holds one type: the first is {known}, this is {got}"
+    hint = ""
+    if name:
+        line = f", in line {first.place.line}," if first.place.line != this.place.line else ""
+        problem = f"{name} is {got}, and that of the first{line} is {known}"
+        hint = _in_the_unit_of(first, this) or _in_the_unit_of(this, first, " there")
+    findings.add(this.place, "wrong-type", path, problem, hint)
+
+
+def _in_the_unit_of(known: _Literal, bare: _Literal, where: str = "") -> str:
+    """Return the spelling of a plain number beside one with a unit; '' for other literals."""
+    if not is_number(bare.type) or bare.type.unit or known.type.unit not in UNITS:
+        return ""
+    return f"write '{show(bare.raw)} {known.type.unit}'{where}"
 
 
 def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path: str) -> None:
@@ -293,8 +328,10 @@ def _report(problem: ValueProblem, raw: Any, place: Place, findings: Findings, p
         place = raw.value_place(step) if is_field else raw.place_of(step)
         raw, path = raw[step], f"{path}.{step}" if is_field else path
     if fault is Fault.MISSING_FIELDS:
-        missing = ", ".join(name for name in wanted.fields if name not in raw)
-        findings.add(raw.place, "wrong-type", path, f"this {wanted} has no {missing}")
+        known = (name for name, kind in wanted.fields.items() if kind is not MISTAKEN)
+        missing = ", ".join(name for name in known if name not in raw)
+        if missing:
+            findings.add(raw.place, "wrong-type", path, f"this {wanted} has no {missing}")
     elif wanted.kind in ("integer", "number"):
         findings.add(place, *_wrong_number(problem, path))
     elif fault is Fault.KIND or is_moment(wanted):
@@ -314,6 +351,8 @@ def _instead(raw: Any, wanted: Type) -> str:
         return f"quote it: '{show(raw)}'"
     if wanted.kind == "bool":
         return "write true or false"
+    if wanted.kind == "list" and isinstance(raw, Mapping):
+        return A_LIST
     return f"write a mapping with {', '.join(wanted.fields)}" if wanted.fields else ""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lupin_engine.chart.expressions.evaluation import Constant, Value
+from lupin_engine.chart.expressions.values import MISTAKEN
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.rules.index import Index
@@ -20,9 +21,9 @@ def unused_parameter(index: Index) -> Iterator[Diagnostic]:
 
     An inherited one cannot be removed: that an override has left it without a reader is a warning.
     """
-    rule, chart = "unused-parameter", index.chart
+    rule, chart, known = "unused-parameter", index.chart, index.composed.declared.parameters
     for name, place in _declared(index, "parameter"):
-        if name in index.composed.usage.parameters:
+        if name in index.composed.usage.parameters or known[name].type is MISTAKEN:
             continue
         problem, path = f"nothing reads the parameter {name!r}", f"params.{name}"
         if place.file in chart.lifecycle_files[1:]:

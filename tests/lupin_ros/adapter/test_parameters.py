@@ -11,7 +11,19 @@ from rclpy.parameter import Parameter as RosParameter
 
 from lupin_engine.errors import PluginError, shortened
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
+from lupin_engine.plugin.types import (
+    ANY,
+    BOOL,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+    one_of,
+    within,
+)
 from lupin_ros.adapter.parameters import descriptor, read, ros_type, to_ros
 
 ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
@@ -120,7 +132,7 @@ def test_records_are_json() -> None:
     assert sent.type_ == RosParameter.Type.STRING
     assert read("wards", wards, sent.value) == [ICU]
     assert read("wards", wards, sent.value.replace("1.2", '"120 cm"')) == [ICU]
-    assert descriptor(wards).description == f"the places [JSON: {FORM}]"
+    assert descriptor(wards).description == f"the places [JSON, numbers in base units: {FORM}]"
     assert to_ros("ward", Parameter(WARD, None, ""), None).type_ == RosParameter.Type.NOT_SET
     assert read("ward", Parameter(WARD, None, ""), None) is None
     assert read("ways", Parameter(list_of(POSE), [], ""), json.dumps([ORIGIN])) == [ORIGIN]
@@ -129,9 +141,17 @@ def test_records_are_json() -> None:
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        ("[{", "expected list of ward, got '[{'"),
+        ("[{", "unfinished: it ends after '[{'"),
+        ('[{"id": "lab", "floor": 1', """unfinished: it ends after '{"id": "lab", "floor": 1'"""),
+        ('[{"id": "la', """unfinished: it ends after '[{"id": "la'"""),
+        (
+            "[{id: 1}]",
+            "cannot be read from letter 3 on, after '[{': Expecting property name enclosed in double quotes",
+        ),
+        ('[{"id": "a", "floor": 1, "floor": 2}]', "a record has 'floor' twice; leave one out"),
+        ("lab", "expected list of ward, got 'lab'"),
         ("[" * 100_000, f"expected list of ward, got {shortened('[' * 100_000)!r}"),
-        ("{}", "expected list of ward, got {}"),
+        ("{}", "expected list of ward, got a record alone; a list is wanted: write [ ... ]"),
         (json.dumps([{**ICU, "dor": 1}]), "[0].dor: a ward has no 'dor'; did you mean 'door'?"),
         (json.dumps([{**ICU, "pose": {"x": 1}}]), "[0].pose: y and yaw of pose left out"),
         (json.dumps([ICU, {**ICU, "floor": "2"}]), "[1].floor: expected integer, got '2'"),
@@ -145,6 +165,37 @@ def test_records_that_cannot_be_read_are_refused(given: Any, problem: str) -> No
     told = f"parameter 'wards': {problem}; give it as JSON: {FORM}"
     with pytest.raises(ValueError, match=f"^{re.escape(told)}$"):
         read("wards", Parameter(list_of(WARD), [ICU], ""), given)
+
+
+def test_every_mistake_is_told_and_very_many_are_counted() -> None:
+    """Each has its place; the form of the whole comes once, at the end."""
+    wards = Parameter(list_of(WARD), [ICU], "")
+    wrong = {**ICU, "flor": 1, "pose": {**ICU["pose"], "y": "0 kg"}, "door": "2"}
+    with pytest.raises(ValueError, match=r"^parameter 'wards': ") as refused:
+        read("wards", wards, json.dumps([wrong]))
+    assert str(refused.value).splitlines() == [
+        "parameter 'wards': [0].flor: a ward has no 'flor'; did you mean 'floor'?",
+        "parameter 'wards': [0].door: expected length, got '2'; its units are 'mm', 'cm', 'm', 'km'",
+        "parameter 'wards': [0].pose.y: expected length, got '0 kg'; its units are 'mm', 'cm', 'm', 'km'"
+        f"; give it as JSON: {FORM}",
+    ]
+    with pytest.raises(ValueError, match=r"^parameter 'wards': ") as refused:
+        read("wards", wards, json.dumps([{}] * 100))
+    assert str(refused.value).splitlines()[-2:] == [
+        "parameter 'wards': [7]: id and floor and door and pose of ward left out",
+        f"and 92 more; give it as JSON: {FORM}",
+    ]
+
+
+def test_the_bounds_of_a_list_are_numbers_of_elements() -> None:
+    """They are described; a table with too few stays as it was."""
+    wards = Parameter(within(list_of(WARD), 1, 2), [ICU], "")
+    assert descriptor(wards).additional_constraints == "1 to 2 elements"
+    assert descriptor(Parameter(within(list_of(TEXT), 1, None), ["a"], "")).additional_constraints == (
+        "at least 1 element"
+    )
+    with pytest.raises(ValueError, match=r"^parameter 'wards': expected 1 to 2 elements, got 0; give it as"):
+        read("wards", wards, "[]")
 
 
 @pytest.mark.parametrize("kind", [ANY, list_of(list_of(TEXT))])

@@ -77,6 +77,8 @@ def test_a_field_is_given_with_its_unit() -> None:
     assert _asked({}, ["wards=[{id: icu, door: 1 m}]"], declared) == {"wards": [{"id": "icu", "door": "1 m"}]}
     with pytest.raises(UsageError, match=r"^--request: wards\[0\]\.door: 1 has no unit; write '1 m'$"):
         _asked({}, ["wards=[{id: icu, door: 1}]"], declared)
+    with pytest.raises(UsageError, match=r"^--request: wards: unfinished: it ends after '\[\{id: icu'$"):
+        _asked({}, ["wards=[{id: icu"], declared)
     with pytest.raises(UsageError) as refused:
         _asked({}, ["patience=90", "pauses=1 s,2", "to"], declared)
     assert str(refused.value).splitlines() == [

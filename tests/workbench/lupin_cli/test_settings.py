@@ -8,7 +8,19 @@ import pytest
 
 from lupin_cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import BOOL, COUNT, DURATION, POSE, TEXT, list_of, number_in
+from lupin_engine.plugin.types import (
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    POSE,
+    TEXT,
+    Type,
+    list_of,
+    number_in,
+    within,
+)
 
 DECLARED = {
     "timeout_s": Parameter(DURATION, 60.0, "a time", minimum=1.0),
@@ -81,6 +93,54 @@ def test_a_number_says_its_unit_as_in_a_file() -> None:
         "--set: parameter 'timeout_s': 90 has no unit; write '90 s'",
         "--set: parameter 'dock': x: 1 has no unit; write '1 m'",
     ]
+
+
+WARD = Type(
+    "record", "ward", fields={"id": TEXT, "floor": INTEGER, "pose": POSE, "door": within(LENGTH, 0.5, 3.0)}
+)
+WARDS = {
+    "wards": Parameter(list_of(WARD), [], "the places"),
+    "few": Parameter(within(list_of(WARD), 1, 2), [], "some of them"),
+}
+OTHERS = [
+    ('wards=[{"id": "lab", "floor": 1', """unfinished: it ends after '{"id": "lab", "floor": 1'"""),
+    ("wards=[{id: 'a]", """unfinished: it ends after "[{id: 'a]\""""),
+    (
+        "wards=[{id: a}}]",
+        "cannot be read from letter 9 on, after '[{id: a}': expected ',' or ']', but got '}'",
+    ),
+    ("wards=", "expected list of ward, got ''; write [] for an empty list"),
+    ("wards=maternity", "expected list of ward, got 'maternity'"),
+    ("wards={id: lab}", "expected list of ward, got a record alone; a list is wanted: write [ ... ]"),
+    ("wards=[{id: a, id: b}]", "a record has 'id' twice; leave one out"),
+    ("wards=[lab]", "[0]: expected ward with the fields id, floor, pose, door, got 'lab'"),
+    ("few=[]", "expected 1 to 2 elements, got 0"),
+]
+
+
+def test_every_mistake_in_a_list_of_records_is_told() -> None:
+    """Each with its place, as those of a request are."""
+    given = "wards=[{id: lab, flor: 1, pose: {x: 1 m, y: 0 kg, yaw: 0}, door: 20 cm}, {id: 7}]"
+    values, problems = settings_in("--set", [given], WARDS)
+    assert (values, [one.removeprefix("--set: parameter 'wards': ") for one in problems]) == (
+        {},
+        [
+            "[0].flor: a ward has no 'flor'; did you mean 'floor'?",
+            "[0]: floor of ward left out",
+            "[0].pose.y: expected length, got '0 kg'; its units are 'mm', 'cm', 'm', 'km'",
+            "[0].pose.yaw: 0 has no unit; write '0 rad'",
+            "[0].door: expected length between 50 and 300 cm, got '20 cm'",
+            "[1]: floor and pose and door of ward left out",
+            "[1].id: expected text, got 7",
+        ],
+    )
+
+
+@pytest.mark.parametrize(("given", "problem"), OTHERS)
+def test_a_list_of_records_that_cannot_be_read_is_told_why(given: str, problem: str) -> None:
+    """What is unfinished, and where; what to write instead."""
+    name = given.partition("=")[0]
+    assert settings_in("--set", [given], WARDS) == ({}, [f"--set: parameter {name!r}: {problem}"])
 
 
 def test_problems_of_a_node_name_it() -> None:

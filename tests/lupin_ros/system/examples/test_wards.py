@@ -55,7 +55,7 @@ def test_a_table_of_wards(world: World, operator: Operator, tmp_path: Path) -> N
     assert table(operator) == ["lab", "icu"]
     described = DescribeParameters.Request(names=["wards"])
     (told,) = operator.call(DescribeParameters, f"/{NODE}/describe_parameters", described).descriptors
-    assert told.description == f"the places of this hospital [JSON: {FORM}]"
+    assert told.description == f"the places of this hospital [JSON, numbers in base units: {FORM}]"
 
     begin = "parameter 'wards': [0]"
     hint = f"; give it as JSON: {FORM}"
@@ -65,7 +65,15 @@ def test_a_table_of_wards(world: World, operator: Operator, tmp_path: Path) -> N
     assert setting(operator, [ward("a", door="20 cm")]).startswith(
         f"{begin}.door: expected length between 50 and 300 cm, got '20 cm'"
     )
-    assert setting(operator, "{") == f"parameter 'wards': expected list of ward, got '{{'{hint}"
+    assert setting(operator, "{") == f"parameter 'wards': unfinished: it ends after '{{'{hint}"
+    assert setting(operator, []) == f"parameter 'wards': expected at least 1 element, got 0{hint}"
+    assert setting(operator, '[{"id": "a", "id": "b"}]') == (
+        f"parameter 'wards': a record has 'id' twice; leave one out{hint}"
+    )
+    assert setting(operator, [ward("a", flor=1), {**ward("b"), "id": 7}]).splitlines() == [
+        f"{begin}.flor: a ward has no 'flor'; did you mean 'floor'?",
+        f"parameter 'wards': [1].id: expected text, got 7{hint}",
+    ]
     assert table(operator) == ["lab", "icu"]
     assert operator.state.lifecycle_state == "READY"
     assert setting(operator, [ward("store", door="60 cm"), ward("icu")]) == ""
@@ -75,6 +83,10 @@ def test_a_table_of_wards(world: World, operator: Operator, tmp_path: Path) -> N
     refused = operator.call(Command, COMMAND_SERVICE, asked)
     assert (refused.accepted, refused.code) == (False, "bad_request")
     assert refused.message == "deliver_to[0].floor: expected integer, got '1'"
+    asked.request = '{"deliver_to": [], "deliver_to": []}'
+    assert operator.call(Command, COMMAND_SERVICE, asked).message == (
+        "start refused: its request is no JSON: a record has 'deliver_to' twice; leave one out"
+    )
     assert operator.state.lifecycle_state == "READY"
 
     assert operator.start(mission="Wards").accepted  # to all of the table
