@@ -356,21 +356,22 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
     """Say whether a value certainly is of a type: the fast path before `_collect`."""
     made, kind, item = type(value), wanted.kind, wanted.item
     if made is float or made is int:
-        low, high = wanted.minimum, wanted.maximum
-        in_range = (low is None or value >= low) and (high is None or value <= high)
         is_number = kind == "integer" if made is int else kind == "number" and math.isfinite(value)
-        return in_range and is_number and not beyond(value, wanted)
+        return is_number and not _is_outside(value, wanted) and not beyond(value, wanted)
     if isinstance(value, str):
         return kind == "text" and not wanted.values and not wanted.pattern
     if made is dict and kind == "record":
-        for name, inner in wanted.fields.items():
-            if name not in value or not _plainly_fits(value[name], inner):
-                return False
-        return True
+        return _fields_fit(value, wanted)
     if made is list and kind == "list" and item is not None:
-        in_range = not _is_outside(len(value), wanted)
-        return in_range and all(_plainly_fits(element, item) for element in value)
+        return not _is_outside(len(value), wanted) and all(_plainly_fits(each, item) for each in value)
     return made is bool and kind == "bool"
+
+
+def _fields_fit(value: Mapping[str, Any], wanted: Type) -> bool:
+    for name, inner in wanted.fields.items():
+        if name not in value or not _plainly_fits(value[name], inner):
+            return False
+    return True
 
 
 def beyond(value: float, kind: Type) -> str:
