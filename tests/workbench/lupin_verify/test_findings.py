@@ -176,7 +176,6 @@ def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> No
 #: What is told of a small mission without restarts; with --late 1 and restarts other sentences stand there.
 BOUNDS = """\
   What was explored, and its bounds:
-    Itineraries and lists have no elements.
     Late answers, to orders that were given up and hold back no other, are not explored; --late 1 adds them.
     Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.
