@@ -162,6 +162,8 @@ def test_what_another_mission_reaches_is_no_warning(capsys: pytest.CaptureFixtur
     assert alone.count("state EXTRA is never entered") == 1
     assert "state EXTRA is never entered" not in both
     assert both.count("state READING is never entered") == 1
+    assert main(["prove", "breaks.yaml", "--no-restarts", "--no-scenarios", "--quiet"]) == 1
+    assert "; of lifecycle.yaml 1 state never entered, 1 more " in capsys.readouterr().out
 
 
 def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> None:

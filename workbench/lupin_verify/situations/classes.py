@@ -30,7 +30,16 @@ from lupin_engine.plugin import (
     within,
 )
 from lupin_engine.runtime import requests_of
-from lupin_verify.situations.compared import ANY, Compared, Read, field_of, part, part_of_element, side
+from lupin_verify.situations.compared import (
+    ANY,
+    Compared,
+    Read,
+    field_of,
+    part,
+    part_of_element,
+    side,
+    types_below,
+)
 from lupin_verify.situations.relevance import (
     Relevance,
     distinguished_lengths,
@@ -77,6 +86,8 @@ class Classes:
         self._reduced_values: dict[str, None] = {}
         #: The tried values of each deciding read.
         self._tried: dict[Read, dict[str, Any]] = {}
+        #: The types of what was tried of elements.
+        self._part_kinds: dict[Read, tuple[Type, ...]] = {}
         self._operations = {invoke.name: invoke.operation for _, invoke in invokes(world.chart)}
         #: The results that plugins and authors add, by operation.
         self._more = {name: list(operation.classes) for name, operation in self._operations.items()}
@@ -259,8 +270,11 @@ class Classes:
         """Record what was tried of elements, under each unclear read of them."""
         for read in self.compared.unclear:
             names = part_of_element(read)
-            for element in elements if names is not None else ():
-                value = field_of(self._as_read(element, kind), names or ())
+            if names is None:
+                continue
+            self._part_kinds[read] = (*types_below(kind, names), *self._part_kinds.get(read, ()))
+            for element in elements:
+                value = field_of(self._as_read(element, kind), names)
                 self._tried.setdefault(read, {})[repr(value)] = value
 
     def _default(self, field: Field) -> Any:
@@ -508,7 +522,8 @@ class Classes:
         ]
 
     def _values_text(self, read: Read) -> str:
-        kind = next(iter(self.compared.kinds(read)), ANY_TYPE)
+        kinds = self.compared.kinds(read) or self._part_kinds.get(read, ())
+        kind = next(iter(kinds), ANY_TYPE)
         values = list(self._tried.get(read, {}).values())
         numbers = sorted(one for one in values if isinstance(one, (int, float)))
         values = [*numbers, *(one for one in values if not isinstance(one, (int, float)))]

@@ -427,7 +427,7 @@ class Compared:
         """Return the possible types of a read; none where they are not known."""
         if read not in self._kinds:
             first = _declared(self.chart, read)
-            self._kinds[read] = tuple(kind for one in first for kind in _below(one, read[2:]))
+            self._kinds[read] = tuple(kind for one in first for kind in types_below(one, read[2:]))
         return self._kinds[read]
 
 
@@ -601,16 +601,16 @@ def _declared(chart: Chart, read: Read) -> list[Type]:
     return []
 
 
-def _below(kind: Type, names: Sequence[str]) -> Iterator[Type]:
+def types_below(kind: Type, names: Sequence[str]) -> Iterator[Type]:
     """Yield the type of a path below a type, if there is one."""
     if not names:
         yield kind
     elif names[0] == ANY and kind.item is not None:
-        yield from _below(kind.item, names[1:])
+        yield from types_below(kind.item, names[1:])
     else:
         inner = {**kind.fields, **kind.named}.get(names[0])
         if inner is not None:
-            yield from _below(inner, names[1:])
+            yield from types_below(inner, names[1:])
 
 
 def _has_number(kind: Type) -> bool:
