@@ -209,7 +209,8 @@ class Classes:
         if usual is not None and kind.name in self.world.readers:
             return [identity_of(usual)]
         if kind.kind == "integer":  # it may be a number of elements
-            self.cuts_lists = self.cuts_lists or self.compared.decides(read)
+            is_open = any(self._constant_list(value) is None for _, _, value in self._walked())
+            self.cuts_lists = self.cuts_lists or (is_open and self.compared.decides(read))
             least = int(max(field.minimum or 0, field.type.minimum or 0))
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
