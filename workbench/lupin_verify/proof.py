@@ -22,6 +22,7 @@ from lupin_verify.growth import BoundedExplorer, Growth
 from lupin_verify.outcome_table import CauseOutcome, OutcomeTable, collected, read_outcomes
 from lupin_verify.outcomes import OUTCOMES, OutcomePage
 from lupin_verify.reached import Reached, Unreached, reached, unreached
+from lupin_verify.situations.compared import part_of_element
 from lupin_verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
@@ -84,8 +85,8 @@ class Proof:
     was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads of
     which not all classes were tried, `cut` all that the proof is limited to. `parameters` has all values;
     `varied` says which one is not as given. `outcomes` were collected for a page. `targets` is the most
-    elements of a list, None in a chart without lists; `beyond` says why the default went no further. It took
-    so many `seconds`, and so much time of the `processor` (s).
+    elements of a list that the world gives, None in a chart without one; `beyond` says why the default went
+    no further. It took so many `seconds`, and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -205,7 +206,7 @@ def prove(
         tuple(_cut(explorer)),
         dict(world.parameters),
         outcomes=tuple(collected(explored.relevant)),
-        targets=bounds.targets if _has_lists(world.chart) else None,
+        targets=bounds.targets if explorer.classes.cuts_lists else None,
     )
 
 
@@ -343,19 +344,12 @@ class _Judge:
 def _cut(explorer: SituationExplorer) -> Iterator[str]:
     """Yield what a proof is limited to, of what this chart has."""
     most = explorer.bounds.targets
-    if _has_lists(explorer.chart):
+    if explorer.classes.cuts_lists:
         yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
     if explorer.moves.cuts_waiting:
         yield f"up to {explorer.bounds.deferred} events of each kind that wait in a hold"
     if explorer.classes.left_out:
         yield "the values that were tried"
-
-
-def _has_lists(chart: Chart) -> bool:
-    """Return whether the number of elements of itineraries and lists matters to a chart."""
-    fields = (field.type for mission in chart.missions.values() for field in mission.request.values())
-    states = chart.states.values()
-    return any(one.itinerary or one.for_each for one in states) or any(one.kind == "list" for one in fields)
 
 
 def _is_meant(chart: Chart, name: str) -> bool:
@@ -372,8 +366,21 @@ def _exempt(chart: Chart, name: str) -> str:
     return "; ".join(dict.fromkeys(rule.not_meant[mission] for mission in chart.missions))
 
 
-def _elements(most: int) -> str:
-    return f"0 to {most} different elements; which they are makes no difference" if most else "no elements"
+def _lists(explorer: SituationExplorer) -> Iterator[str]:
+    """Yield sentences about the lists of a chart: those that the world gives, and the constant ones."""
+    classes, most = explorer.classes, explorer.bounds.targets
+    unclear = {part_of_element(read) for read in classes.untried_reads} - {None}
+    parts = sorted({".".join(names or ()) or "name" for names in unclear | {*classes.compared.told_apart_by}})
+    apart = f"conditions tell them apart by {', '.join(parts)}"
+    alike = apart if parts else "which they are makes no difference"
+    if classes.cuts_lists:
+        elements = f"0 to {most} different elements; {alike}" if most else "no elements"
+        yield f"Itineraries and lists have {elements}."
+    fixed = [
+        f"{name} ({number} element{'' if number == 1 else 's'})" for name, number in classes.fixed.items()
+    ]
+    if fixed:
+        yield f"These lists are fixed, and walked whole: {', '.join(fixed)}."
 
 
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
@@ -384,7 +391,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     if bounds.owed:
         late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [
-        f"Itineraries and lists have {_elements(bounds.targets)}.",
+        *_lists(explorer),
         late,
         "Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.",
         "A deadline fires at any time, but not before one that was certainly due earlier.",

@@ -162,6 +162,8 @@ def test_what_another_mission_reaches_is_no_warning(capsys: pytest.CaptureFixtur
     assert alone.count("state EXTRA is never entered") == 1
     assert "state EXTRA is never entered" not in both
     assert both.count("state READING is never entered") == 1
+    assert main(["prove", "breaks.yaml", "--no-restarts", "--no-scenarios", "--quiet"]) == 1
+    assert "; of lifecycle.yaml 1 state never entered, 1 more " in capsys.readouterr().out
 
 
 def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> None:
@@ -176,7 +178,6 @@ def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> No
 #: What is told of a small mission without restarts; with --late 1 and restarts other sentences stand there.
 BOUNDS = """\
   What was explored, and its bounds:
-    Itineraries and lists have no elements.
     Late answers, to orders that were given up and hold back no other, are not explored; --late 1 adds them.
     Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.

@@ -50,6 +50,7 @@ CHECKED: Mapping[str, Mapping[str, str]] = {
         "photo_light_waited_for": "unused-code",
         "crate_question_without_time": "out-of-range",
         "areas_front_twice": "unused-field",
+        "resume_begins_anew": "never-wins",
     },
     "third": {
         "watch_begins_a_round_with_a_closed_tag": "open-visit",
@@ -61,6 +62,8 @@ CHECKED: Mapping[str, Mapping[str, str]] = {
         "lamp_is_not_lit": "one-way-switch",
         "back_reads_the_front_again": "unused-field",
         "loading_asks_without_end": "missing-key",
+        "resume_begins_anew": "never-wins",
+        "fault_forgets_the_targets": "untold-rest",
     },
     "fourth": {},
 }
@@ -71,7 +74,6 @@ MISSED: Mapping[str, Mapping[str, str]] = {
         "door_sensor_known_is_enough": "what an open door is for is known to this mission alone",
     },
     "second": {
-        "battery_low_on_the_way_is_battery": "what was aborted before is not seen in one step",
         "unreachable_never_reset": "what a counter counts is known to this part alone",
         "ten_times_the_variance": "which pose is good enough is said by that argument alone",
         "search_ends_at_once": "how many tags are enough is said by that guard alone",
@@ -118,10 +120,10 @@ def test_these_are_found_by_the_checker(
 
 
 def test_the_share_that_is_found() -> None:
-    """Not yet: of the hundred 85 are found. What is missed is named as it is planted."""
+    """Not yet: of the hundred 86 are found. What is missed is named as it is planted."""
     share = {one: 1 - len(MISSED[one]) / len(defects(one)) for one in SETS}
     found = {one: round(100 * part) for one, part in share.items()}
-    assert found == {"first": 96, "second": 74, "third": 80, "fourth": 100}
+    assert found == {"first": 96, "second": 76, "third": 80, "fourth": 100}
     assert all({*MISSED[one], *CHECKED[one]} <= {each.id for each in defects(one)} for one in SETS)
 
 

@@ -131,9 +131,9 @@ CUT = {
         "A: {after: {1 s: [{target: done, guard: \"clock.time < '12:00'\"}, {target: done}]}}",
         "proven;",
     ),
-    "lists": (
+    "a fixed list, which is walked whole": (
         "A: {itinerary: {items: [1, 2]}, after: {1 s: done}}",
-        "proven for empty lists;",
+        "proven;",
     ),
     "values": (
         "A: {after: {1 s: [{target: done, guard: round(input.battery.value) > 7}, {target: done}]}}",

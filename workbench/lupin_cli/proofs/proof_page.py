@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_cli.proofs.proof_words import counted, name_of, shown_place, summary
+from lupin_cli.proofs.proof_words import counted, name_of, shown_place, summary, tried_only
 from lupin_cli.proofs.safety_case import EVIDENCE, SIGNATURES, SOURCES, CaseSection, as_html
 from lupin_engine.diagram import Counts, coloured, outline
 from lupin_engine.diagram import svg as draw
@@ -139,7 +139,7 @@ def _verdict(proof: Proof, one: Proven) -> str:
     """Return the verdict in its colour; that an author's own property never applied is a warning."""
     verdict = _VERDICTS.get(one.verdict.value, one.verdict.value)
     kind = "warning" if one in proof.never_applied else _class(one)
-    return f"<span class='verdict {kind}'>{verdict}</span>"
+    return f"<span class='verdict {kind}'>{verdict}{tried_only(proof, one)}</span>"
 
 
 def _class(one: Proven) -> str:

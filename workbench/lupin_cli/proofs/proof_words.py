@@ -8,7 +8,7 @@ from pathlib import Path
 from lupin_engine.chart import Chart
 from lupin_engine.errors import Place
 from lupin_engine.missions import LoadedMissions
-from lupin_verify import Proof, Unreached
+from lupin_verify import Proof, Proven, Unreached, is_own
 
 
 def exemptions(chart: Chart) -> Iterator[tuple[str, str, str]]:
@@ -43,7 +43,7 @@ def summary(proof: Proof) -> str:
     parts = [
         result(proof),
         f"{unused:,} of your properties never applied" if unused else "",
-        _never_reached(proof.dead),
+        _never_reached(proof),
         "not all values were tried" if proof.untried and not result(proof).startswith("proven") else "",
     ]
     return "; ".join(filter(None, parts))
@@ -62,7 +62,24 @@ def last_line(proof: Proof) -> str:
     return f"{summary(proof)}; {seen}{left}"
 
 
-def _never_reached(dead: Sequence[Unreached]) -> str:
+def tried_only(proof: Proof, one: Proven) -> str:
+    """Return what limits an author's own property that holds: not all values were tried; else ''."""
+    is_limited = proof.untried and one.verdict is one.verdict.HOLDS and is_own(proof.chart, one.name)
+    return " (for the values that were tried)" if is_limited else ""
+
+
+def _never_reached(proof: Proof) -> str:
+    """Return how much of the missions was never reached, and of their lifecycle; '' if all was."""
+    lifecycle: dict[str, list[Unreached]] = {}
+    for part in proof.dead:
+        if part.place.file in proof.chart.lifecycle_files:
+            lifecycle.setdefault(proof.chart.file_of(part.place), []).append(part)
+    own = [part for part in proof.dead if part.place.file not in proof.chart.lifecycle_files]
+    parts = [_counted_dead(own), *(f"of {name} {_counted_dead(dead)}" for name, dead in lifecycle.items())]
+    return "; ".join(filter(None, parts))
+
+
+def _counted_dead(dead: Sequence[Unreached]) -> str:
     """Return how many states were never entered, and how many transitions never taken; '' for none."""
     states = sum(part.is_state for part in dead)
     more = "more transition" if states else "transition"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_cli.proofs.proof_words import counted, exemptions, last_line, name_of, shown_place
+from lupin_cli.proofs.proof_words import counted, exemptions, last_line, name_of, shown_place, tried_only
 from lupin_engine.errors import UsageError
 from lupin_engine.properties import LiveMonitor
 from lupin_verify import is_own
@@ -124,7 +124,7 @@ def _claims(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, ...]]:
             one.name,
             one.says,
             origin,
-            one.verdict.value,
+            f"{one.verdict.value}{tried_only(proof, one)}",
             _violated(campaign.get(one.name)),
             _on_robots(one.name, seen.field) if one.name in watched else "not watched on robots",
             str(seen.field.margins[one.name]) if seen.field and one.name in seen.field.margins else "",

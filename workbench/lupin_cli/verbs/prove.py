@@ -380,7 +380,7 @@ def _show(
     quiet: bool,
     wanted: bool = True,
 ) -> None:
-    from lupin_cli.proofs.proof_words import last_line, name_of, shown_place
+    from lupin_cli.proofs.proof_words import last_line, name_of, shown_place, tried_only
     from lupin_cli.terminal.outcome import make_console
 
     console, name = make_console(), name_of(loaded, proof.varied)
@@ -390,7 +390,7 @@ def _show(
         found = one.verdict in (one.verdict.BROKEN, one.verdict.NOT_SHOWN)
         if found or not quiet:
             mark, about = _MARKS[one.verdict.value]
-            click.echo(f"  {mark} {one.name}: {one.says}{about}")
+            click.echo(f"  {mark} {one.name}: {one.says}{about}{tried_only(proof, one)}")
         if found:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:

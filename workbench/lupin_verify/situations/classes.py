@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date, time
 from typing import Any
 
-from lupin_engine.chart import Chart, Field, Input, Mission
+from lupin_engine.chart import Chart, Compiled, Expression, Field, Input, Mission, Value
 from lupin_engine.errors import shortened
 from lupin_engine.machine import CLOCK, EvaluationScope, Event, Memory, World, identity_of
 from lupin_engine.machine import event as events
@@ -30,11 +30,21 @@ from lupin_engine.plugin import (
     within,
 )
 from lupin_engine.runtime import requests_of
-from lupin_verify.situations.compared import ANY, Compared, Read, part, side
+from lupin_verify.situations.compared import (
+    ANY,
+    Compared,
+    Read,
+    field_of,
+    part,
+    part_of_element,
+    side,
+    types_below,
+)
 from lupin_verify.situations.relevance import (
     Relevance,
     distinguished_lengths,
     invokes,
+    reads,
 )
 
 #: The robot's clock at the beginning, in POSIX time: six in the morning of 2026-01-01, UTC.
@@ -43,6 +53,8 @@ MORNING = 1767247200.0
 MISSION_ID = "proof"
 #: The most combinations of fields of one result, event or request that are tried.
 MOST_COMBINED = 16
+#: The most elements of a default list that conditions tell apart, each of which is tried alone, too.
+MOST_APART = 6
 #: Numbers that are tried of a value that conditions read in another way than by comparing it with constants.
 _SAMPLES = (-1000.0, -1.0, 0.0, 1.0, 1000.0)
 #: How many values of one read are listed in words, and the most letters of each.
@@ -63,12 +75,19 @@ class Classes:
         self.world = world
         self.chart: Chart = world.chart
         self.targets = targets
-        self.compared, self._parameters = Compared(world, relevance, targets), relevance.parameters
+        self._env = EvaluationScope(world, Memory())
+        #: The lengths of itineraries and `for_each` whose lists are constant, by state: walked as they are.
+        self.fixed = dict(self._fixed_lists())
+        #: Whether lists were tried with up to `targets` elements only.
+        self.cuts_lists = False
+        counted = max((targets, *self.fixed.values()))
+        self.compared, self._parameters = Compared(world, relevance, counted), relevance.parameters
         #: Sentences about fields and lists of which fewer values are tried than there may be.
         self._reduced_values: dict[str, None] = {}
         #: The tried values of each deciding read.
         self._tried: dict[Read, dict[str, Any]] = {}
-        self._env = EvaluationScope(world, Memory())
+        #: The types of what was tried of elements.
+        self._part_kinds: dict[Read, tuple[Type, ...]] = {}
         self._operations = {invoke.name: invoke.operation for _, invoke in invokes(world.chart)}
         #: The results that plugins and authors add, by operation.
         self._more = {name: list(operation.classes) for name, operation in self._operations.items()}
@@ -125,6 +144,37 @@ class Classes:
         today, time = self.world.calendar.shown(moment)
         return repr(self.compared.abstracted(("clock",), {"today": today, "time": time}))
 
+    def _walked(self) -> Iterator[tuple[str, str, Value]]:
+        """Yield the lists that states walk: what expressions call an element, the state and the list."""
+        for name, state in self.chart.states.items():
+            if state.itinerary is not None:
+                yield "target", name, state.itinerary.items
+            if state.for_each is not None:
+                yield "item", name, state.for_each.items
+
+    def _fixed_lists(self) -> Iterator[tuple[str, int]]:
+        for _, name, value in self._walked():
+            items = self._constant_list(value)
+            if items is not None:
+                yield name, len(items)
+
+    def _constant_list(self, value: Value) -> Sequence[Any] | None:
+        """Return the value of an expression that reads nothing but parameters; None of another one."""
+        if isinstance(value, Expression):
+            is_known = isinstance(value.evaluate, Compiled)
+            if not is_known or any(root != "param" for root, _ in reads(value)):
+                return None
+        try:
+            found = value.evaluate(self._env)
+        except Exception:  # a plugin's function raises
+            return None
+        return found if isinstance(found, list) else None
+
+    def _is_fixed(self, read: Read) -> bool:
+        """Return whether a read is of elements of constant lists only."""
+        walked = [value for root, _, value in self._walked() if root == read[0]]
+        return bool(walked) and all(self._constant_list(value) is not None for value in walked)
+
     # -- requests -----------------------------------------------------------------------------------------
 
     def _requests(self, starts: Mapping[str, list[Event]]) -> Iterator[Event]:
@@ -145,7 +195,8 @@ class Classes:
     def _field(self, field: Field) -> list[Any]:
         read, usual = ("request", field.name), self._default(field)
         if field.type.item is not None:
-            lists = self._lists(field.type.item, usual, self.compared.elements(read, field.type.item))
+            self.cuts_lists = True
+            lists = self._lists(read, field.type.item, usual)
             most, longest = min(self.targets, field.type.maximum or self.targets), max(map(len, lists))
             if longest < most and self.compared.decides(read):
                 self._note_reduced(f"request.{field.name}: only lists of 0 to {longest} elements were tried")
@@ -158,33 +209,74 @@ class Classes:
         if usual is not None and kind.name in self.world.readers:
             return [identity_of(usual)]
         if kind.kind == "integer":  # it may be a number of elements
+            is_open = any(self._constant_list(value) is None for _, _, value in self._walked())
+            self.cuts_lists = self.cuts_lists or (is_open and self.compared.decides(read))
             least = int(max(field.minimum or 0, field.type.minimum or 0))
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
             return self._distinguished(read, [*counts, *usual, *self._numbers([read], kind)])
         return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
 
-    def _lists(self, kind: Type, usual: Any, named: Sequence[Any]) -> list[Any]:
+    def _lists(self, read: Read, kind: Type, usual: Any) -> list[Any]:
         """Return lists of every length from 0 on: an empty one may have to be refused.
 
-        `named` are the values that conditions compare elements with: a value of each class of those is tried
-        alone, too, and behind the first element.
+        A value of each class of those that conditions compare elements with is tried alone, too, and behind
+        the first element. So is one of each kind of the `usual` elements, also before the first one.
         """
-        items = list(usual)[: self.targets] if isinstance(usual, list) else []
+        given = list(usual) if isinstance(usual, list) else []
+        items = given[: self.targets]
         samples = [self._sample(kind, n) for n in range(1, self.targets + 1)]
-        apart = _apart(named, kind)
+        apart = _apart(self.compared.elements(read, kind), kind)
+        kinds = self._kinds_of(read, given, kind)
         if not items:
             items = apart or samples
         elif kind.name in self.world.readers:
-            items = [identity_of(item) for item in items]
+            items, kinds = [identity_of(item) for item in items], [identity_of(item) for item in kinds]
         else:
             items += [*apart, *samples]
         items = [one for at, one in enumerate(items) if one not in items[:at]][: self.targets]
         self.names += [str(item) for item in items if isinstance(item, str)]
-        # Targets are interchangeable: the first ones stand for all.
+        # Targets that no condition tells apart are interchangeable: the first ones stand for all.
         lists = [items[:count] for count in range(len(items) + 1)]
         more = [[*items[:before], one] for one in apart for before in range(min(2, self.targets))]
-        return [*lists, *(one for one in more if one not in lists and one[1:] != one[:1])]
+        for one in kinds[1:]:
+            more += [each for each in ([one], [kinds[0], one], [one, kinds[0]]) if len(each) <= self.targets]
+        for one in more:
+            if one not in lists and one[1:] != one[:1]:
+                lists.append(one)
+        self._record_parts(kind, [one for each in lists for one in each])
+        return lists
+
+    def _kinds_of(self, read: Read, given: Sequence[Any], kind: Type) -> list[Any]:
+        """Return the first element of each kind that conditions tell apart; of too many, the first ones."""
+        found: dict[str, Any] = {}
+        for one in given:
+            found.setdefault(self.compared.kind_of_element(self._as_read(one, kind)), one)
+        if len(found) > MOST_APART:
+            self._note_reduced(
+                f"{self._shown(read)}: conditions tell {len(found)} kinds of its elements apart, and"
+                f" {MOST_APART} were tried"
+            )
+        return list(found.values())[:MOST_APART]
+
+    def _as_read(self, element: Any, kind: Type) -> Any:
+        """Return an element as conditions see it: a plugin may read it by its name."""
+        reader = None if isinstance(element, Mapping) else self.world.readers.get(kind.name)
+        try:
+            return element if reader is None else reader(element)
+        except Exception:  # it is not known now
+            return element
+
+    def _record_parts(self, kind: Type, elements: Sequence[Any]) -> None:
+        """Record what was tried of elements, under each unclear read of them."""
+        for read in self.compared.unclear:
+            names = part_of_element(read)
+            if names is None:
+                continue
+            self._part_kinds[read] = (*types_below(kind, names), *self._part_kinds.get(read, ()))
+            for element in elements:
+                value = field_of(self._as_read(element, kind), names)
+                self._tried.setdefault(read, {})[repr(value)] = value
 
     def _default(self, field: Field) -> Any:
         try:
@@ -216,8 +308,9 @@ class Classes:
         read, more = ("input", spec.name), (*(declared.classes if declared else ()), *spec.classes, *first)
         if kind.kind == "list" and kind.item is not None:
             found = self._of_list(kind, [])
-            if not spec.of_mission:
-                most = distinguished_lengths(self.chart, spec.name)  # more are too many alike
+            most = math.inf if spec.of_mission else distinguished_lengths(self.chart, spec.name)
+            self.cuts_lists = self.cuts_lists or most > self.targets
+            if not spec.of_mission:  # more are too many alike
                 found = [value for value in found if len(value) <= most]
             return [*found, *more]
         kind = within(kind, spec.minimum, spec.maximum)
@@ -288,6 +381,7 @@ class Classes:
         if kind.named:
             return self._of_named(read, kind, usual)
         if kind.kind == "list":
+            self.cuts_lists = True
             return self._of_list(kind, usual)
         parts = {name: self._variants((*read, name), of, usual[name]) for name, of in kind.fields.items()}
         return self._combined(self._shown(read), parts)
@@ -388,12 +482,21 @@ class Classes:
     # -- in words -----------------------------------------------------------------------------------------
 
     @property
+    def untried_reads(self) -> list[Read]:
+        """The reads of which fewer values are tried than there are classes."""
+        return [read for read in sorted(self.compared.unclear) if not self._is_tried(read)]
+
+    def _is_tried(self, read: Read) -> bool:
+        values = self._tried.get(read, {}).values()
+        is_both = {False, True} == {one for one in values if isinstance(one, bool)}
+        return read[0] in ("context", "given") or self._is_fixed(read) or is_both
+
+    @property
     def left_out(self) -> list[str]:
         """Sentences about the reads of which fewer values are tried than there are classes."""
         found = list(self._reduced_values)
-        for read, source in sorted(self.compared.unclear.items()):
-            if read[0] in ("context", "given"):
-                continue
+        for read in self.untried_reads:
+            source = self.compared.unclear[read]
             text = self._values_text(read)
             only = f"only {text} {'was' if len(self._tried.get(read, ())) == 1 else 'were'} tried"
             what = only if text else "no other values were tried"
@@ -420,7 +523,8 @@ class Classes:
         ]
 
     def _values_text(self, read: Read) -> str:
-        kind = next(iter(self.compared.kinds(read)), ANY_TYPE)
+        kinds = self.compared.kinds(read) or self._part_kinds.get(read, ())
+        kind = next(iter(kinds), ANY_TYPE)
         values = list(self._tried.get(read, {}).values())
         numbers = sorted(one for one in values if isinstance(one, (int, float)))
         values = [*numbers, *(one for one in values if not isinstance(one, (int, float)))]

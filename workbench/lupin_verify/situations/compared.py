@@ -40,6 +40,8 @@ _MOST_BOUNDS = 16
 #: The types of the robot's clock, and the names of both: texts that conditions compare by their order.
 _CLOCK: Mapping[str, Type] = {"time": TIME_OF_DAY, "today": DATE}
 _TIMES = frozenset(kind.name for kind in _CLOCK.values())
+#: What elements are known by: all of them differ in it, and a plugin's function may read a whole one.
+_IDENTITY: tuple[Read, ...] = ((), ("id",))
 #: Roots of the machine's own state.
 _CHANGING = ("in_state", "held", "itinerary")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
@@ -68,6 +70,10 @@ class Compared:
         self.of_elements: dict[Read, set[Any]] = {}
         #: The reads that are not understood, each with its condition.
         self.unclear: dict[Read, str] = {}
+        #: What conditions read of elements of lists (see `part_of_element`), and what they compare it with.
+        self.parts: dict[Read, set[Any]] = {}
+        #: Those of them that conditions read in another way: each value counts.
+        self._by_value: set[Read] = set()
         self._targets = targets
         self._env = EvaluationScope(world, Memory())
         self._kinds: dict[Read, tuple[Type, ...]] = {}
@@ -84,11 +90,28 @@ class Compared:
                     self.read.update(read for read in tree.reads.values() if read[0] != "param")
                 if id(value) not in orders:  # the order of targets does not matter
                     self._look(value, tree, is_reported=id(value) not in known)
+                    self._parts_of(tree)
             elif isinstance(value, Expression):
                 self.read = None
         self._levels()
         while self._waiting:
             self._propagate(*self._waiting.pop())
+        if () in self.parts:
+            self._keep_parts()
+
+    def _parts_of(self, tree: _Tree) -> None:
+        for read in tree.reads.values():
+            of_element = part_of_element(read)
+            if of_element is not None:
+                self.parts.setdefault(of_element, set())
+
+    def _keep_parts(self) -> None:
+        """Add the fields that conditions read of variables: these may keep elements as a whole."""
+        for read in self.read or ():
+            if read[0] == "context" and read[2:] and ANY not in read:
+                self.parts.setdefault(read[2:], set()).update(self.bounds.get(read, ()))
+                if read in self.unclear:
+                    self._by_value.add(read[2:])
 
     def _levels(self) -> None:
         """Add the numbers at which the levels of inputs change, and the inputs that are events themselves."""
@@ -134,6 +157,23 @@ class Compared:
         is_of_type = str if kind.kind == "text" else (int, float)
         return sorted(one for one in self.of_elements.get(read, ()) if isinstance(one, is_of_type))
 
+    def kind_of_element(self, element: Any) -> str:
+        """Return what conditions distinguish of an element: equal for two that they cannot tell apart."""
+        found = []
+        for names in self.told_apart_by:
+            value, bounds = field_of(element, names), self.parts[names]
+            is_of_type = str if isinstance(value, str) else (int, float)
+            edges = sorted(one for one in bounds if isinstance(one, is_of_type))
+            is_by_value = names in self._by_value and names not in _IDENTITY
+            is_plain = isinstance(value, (str, int, float)) and not isinstance(value, bool)
+            found.append(side(value, edges) if edges and is_plain and not is_by_value else value)
+        return repr(found)
+
+    @property
+    def told_apart_by(self) -> list[Read]:
+        """What conditions distinguish elements by; by their identity only where they name one."""
+        return sorted(names for names, bounds in self.parts.items() if bounds or names not in _IDENTITY)
+
     def texts(self, read: Read) -> list[str]:
         """Return the texts that a read is compared with."""
         return sorted(bound for bound in self.bounds.get(read, ()) if isinstance(bound, str))
@@ -173,7 +213,10 @@ class Compared:
             if read[0] == "error":
                 self._note(read, source, _is_unbounded, unknown_too=True)
             elif is_reported and key not in dealt_with:
-                self._note(read, source, (lambda _: True) if ANY in read else _has_number)
+                is_meant: Callable[[Type], bool] = (lambda _: True) if ANY in read else _has_number
+                of_element = part_of_element(read)
+                unknown_too = of_element is not None and of_element not in _IDENTITY
+                self._note(read, source, is_meant, unknown_too)
 
     def _compare_side(
         self, side: ast.expr, other: ast.expr, tree: _Tree, source: str, within: bool = False
@@ -318,7 +361,12 @@ class Compared:
         is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
         if read[0] == "request" and read[2:] == (ANY,):
             self.of_elements.setdefault(read[:2], set()).add(bound)
-        if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
+        of_element = part_of_element(read)
+        if of_element is not None:
+            self.parts.setdefault(of_element, set()).add(bound)
+            self._mark(read, source)
+            return
+        if ANY in read or is_whole or len(found) >= _MOST_BOUNDS:
             self._note(read, source, lambda _: True, unknown_too=True)
             return
         self.bounds.setdefault(read, found).add(bound)
@@ -338,9 +386,15 @@ class Compared:
         self, read: Read, source: str, is_meant: Callable[[Type], bool], unknown_too: bool = False
     ) -> None:
         """Record a read as unclear if its type fulfils a condition, or is not known and `unknown_too`."""
-        kinds = self.kinds(read)
-        is_meant_type = any(map(is_meant, kinds)) if kinds else unknown_too
-        if is_meant_type and read not in self.unclear and read[0] != "param":
+        kinds, of_element = self.kinds(read), part_of_element(read)
+        if of_element is not None:
+            self._by_value.add(of_element)
+        if any(map(is_meant, kinds)) if kinds else unknown_too:
+            self._mark(read, source)
+
+    def _mark(self, read: Read, source: str) -> None:
+        """Record a read as unclear."""
+        if read not in self.unclear and read[0] != "param":
             self.unclear[read] = source
             self._waiting.append((read, None))
 
@@ -373,7 +427,7 @@ class Compared:
         """Return the possible types of a read; none where they are not known."""
         if read not in self._kinds:
             first = _declared(self.chart, read)
-            self._kinds[read] = tuple(kind for one in first for kind in _below(one, read[2:]))
+            self._kinds[read] = tuple(kind for one in first for kind in types_below(one, read[2:]))
         return self._kinds[read]
 
 
@@ -424,7 +478,7 @@ class _Tree:
     def _way(self, node: ast.AST) -> tuple[str | NamedStep, ...] | None:
         """Return the path of a node through the environment; None where it is no path."""
         if isinstance(node, ast.Name):
-            return self._elements.get(node.id)
+            return self._elements.get(node.id) if isinstance(node.ctx, ast.Load) else None
         if isinstance(node, ast.Subscript):
             if isinstance(node.value, ast.Name) and node.value.id == "env":
                 return (str(ast.literal_eval(node.slice)),)
@@ -457,6 +511,23 @@ class _Tree:
         if spec is not None and spec.levels:  # its value and its levels are read as a record
             return (root, below[0], *below[2:]) if below[1:2] == ["value"] else None
         return names
+
+
+def part_of_element(read: Read) -> Read | None:
+    """Return what is read of a list's element: the names of a field, none for all; None if it is of none."""
+    if _is_of_itinerary(read):
+        return read[1:]
+    if ANY not in read or read[0] in ("input", "param"):
+        return None
+    below = read[read.index(ANY) + 1 :]
+    return below[: below.index(ANY)] if ANY in below else below
+
+
+def field_of(element: Any, names: Read) -> Any:
+    """Return a field of a list's element by its names; the element if there are none, None if it has none."""
+    for name in names:
+        element = element.get(name) if isinstance(element, Mapping) else None
+    return element
 
 
 def part(value: Any, name: str) -> Any:
@@ -530,16 +601,16 @@ def _declared(chart: Chart, read: Read) -> list[Type]:
     return []
 
 
-def _below(kind: Type, names: Sequence[str]) -> Iterator[Type]:
+def types_below(kind: Type, names: Sequence[str]) -> Iterator[Type]:
     """Yield the type of a path below a type, if there is one."""
     if not names:
         yield kind
     elif names[0] == ANY and kind.item is not None:
-        yield from _below(kind.item, names[1:])
+        yield from types_below(kind.item, names[1:])
     else:
         inner = {**kind.fields, **kind.named}.get(names[0])
         if inner is not None:
-            yield from _below(inner, names[1:])
+            yield from types_below(inner, names[1:])
 
 
 def _has_number(kind: Type) -> bool:
