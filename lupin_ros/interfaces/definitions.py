@@ -84,7 +84,8 @@ def interface_types(name: str) -> Mapping[str, Type]:
         hint = hint or "add it by 'lupin interfaces add FOLDER', or source the workspace that has it"
         raise LookupError(f"no package {package!r} with {many} is installed here; {hint}")
     if local not in packages[package]:
-        hint = cut_down(package) or nearest(local, packages[package])
+        guess, whole = meant(local, packages[package]), cut_down(package)
+        hint = f"{guess} Else {whole}" if guess and whole else whole or nearest(local, packages[package])
         raise LookupError(f"{package} has no {one} {local!r}; {hint}")
     parts = {part: _record(f"{name}{suffix}") for part, suffix in _PARTS[kind].items()}
     return {**parts, "constant": _type_of_constants(interface_constants(name))}

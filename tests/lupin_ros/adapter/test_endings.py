@@ -49,7 +49,7 @@ CLIENT = """
 import sys
 from nav2_msgs.action import NavigateToPose
 from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter.node import GoalCallbacks, RosNode
 from lupin_ros.adapter.process import end_with_supervisor
 
 end_with_supervisor()

@@ -479,7 +479,8 @@ def test_all_bad_parameters_are_told_at_once() -> None:
     assert str(caught.value).splitlines() == [
         "parameter 'nav_timeout_s': expected duration between 0 and 600 s, got -1",
         "parameter 'sweeps': expected integer between 1 and 5, got 9",
-        'parameter \'tags\': expected text, got 1; write ["1", "2"]',
+        "parameter 'tags': expected text, got 1",
+        'parameter \'tags\': expected text, got 2; write ["1", "2"]',
         "parameter 'dock_pose': expected pose with the fields x, y, yaw, got [1, 2]; give it as [x, y, yaw]",
         "parameter 'title': expected text, got 7; write \"7\"",
     ]
@@ -682,7 +683,7 @@ def test_a_result_is_kept_for_a_while_and_then_forgotten(
 
     def asked() -> int:
         before = len(ends)
-        journey.caller.adopt("one", lambda _: None, lambda status, _: ends.append(status))
+        journey.caller.adopt("one", GoalCallbacks(ended=lambda status, _: ends.append(status)))
         journey.until(lambda: len(ends) > before)
         return ends[-1]
 
