@@ -78,7 +78,7 @@ class _SequenceState:
             return
         place = state.key_place("sequence")
         steps = {next(iter(step)): step for step in state["sequence"]}
-        states, names = data_at({}, place), [*steps]
+        states, names = Map(state.file, state.key_starts["sequence"]), [*steps]
         if limit:
             self._put(states, BEGIN, {"always": self._to(names[0], 1)}, place)
         for (name, step), following in zip(

@@ -139,13 +139,10 @@ def _way(raw: Map, details: ErrorDetails) -> Way:
     found: Any = raw
     way: list[str | int] = []
     for step in details["loc"]:
-        if isinstance(found, Map) and str(step) in found:
-            way.append(str(step))
-        elif isinstance(found, Seq) and isinstance(step, int) and step < len(found):
-            way.append(step)
-        else:
-            continue
-        found = found[way[-1]]
+        key = str(step) if isinstance(found, Map) else step
+        if _has(found, key):
+            way.append(key)
+            found = found[key]
     return tuple(way)
 
 
@@ -165,7 +162,10 @@ def _prune(raw: Map, way: Way) -> None:
 
 
 def _has(holder: Any, step: str | int) -> bool:
-    return step in holder if isinstance(holder, Map) else isinstance(holder, Seq) and int(step) < len(holder)
+    """Say whether there is such a key in a mapping, or such a number in a list."""
+    if isinstance(holder, Map):
+        return step in holder
+    return isinstance(holder, Seq) and isinstance(step, int) and step < len(holder)
 
 
 def _report(raw: Map, details: ErrorDetails, findings: Findings) -> None:

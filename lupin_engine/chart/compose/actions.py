@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from lupin_engine.chart.compose.carried import Carried
-from lupin_engine.chart.compose.declare import NAME, check_code
+from lupin_engine.chart.compose.declare import NAME, check_code, check_status
 from lupin_engine.chart.documents import ActionNode, IfNode, RaiseNode
 from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
@@ -187,9 +187,8 @@ class ActionReader:
     def _check_close(self, arguments: Mapping[str, Value], path: str) -> None:
         status, code = arguments.get("status"), arguments.get("code")
         allowed = self._catalog.profile.statuses
-        if isinstance(status, Constant) and status.value not in allowed:
-            problem, hint = f"unknown status {status.value!r}", nearest(status.value, allowed)
-            self._findings.add(status.place, "wrong-type", f"{path}.status", problem, hint)
+        if isinstance(status, Constant):
+            check_status(status.value, status.place, f"{path}.status", allowed, self._findings)
         if isinstance(code, Constant):
             check_code(code.value, code.place, f"{path}.code", self._codes, self._findings)
 

@@ -18,7 +18,14 @@ from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
-from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events, read_refusals
+from lupin_engine.chart.compose.declare import (
+    Declared,
+    Declarer,
+    check_code,
+    check_status,
+    level_events,
+    read_refusals,
+)
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.outs import Outs
 from lupin_engine.chart.compose.timeless import own_name, read_property, timeless
@@ -637,9 +644,7 @@ class _Composer:
             problem, hint = "the list of statuses is empty", f"write one of these: {', '.join(allowed)}"
             self._findings.add(node.at("again"), "wrong-shape", f"{path}.again", problem, hint)
         for index, status in enumerate(node.again):
-            if status not in allowed:
-                problem, hint = f"unknown status {str(status)!r}", nearest(status, allowed)
-                self._findings.add(node.at("again", index), "wrong-type", f"{path}.again", problem, hint)
+            check_status(str(status), node.at("again", index), f"{path}.again", allowed, self._findings)
         return tuple(map(str, node.again))
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:

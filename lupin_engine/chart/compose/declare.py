@@ -617,6 +617,12 @@ def _fields_in(kind: Type) -> int:
     return sum(1 + _fields_in(innermost(each)) for each in kind.fields.values())
 
 
+def check_status(status: Any, place: Place, path: str, allowed: Iterable[str], findings: Findings) -> None:
+    """Report a status that is none of the profile's."""
+    if status not in allowed:
+        findings.add(place, "wrong-type", path, f"unknown status {status!r}", nearest(status, allowed))
+
+
 def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
     """Report a code that is not declared, so that it has no label."""
     if code not in declared:
@@ -644,6 +650,7 @@ __all__ = [
     "Declared",
     "Declarer",
     "check_code",
+    "check_status",
     "input_type",
     "level_events",
     "read_refusals",
