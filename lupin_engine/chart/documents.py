@@ -502,7 +502,7 @@ class VariableNode(Node):
 
 
 class OutNode(Node):
-    """A variable of whoever uses the part: the part reads and writes it by this name."""
+    """A variable of the state that uses the part: the part reads and writes it by this name."""
 
     SHAPE = "{type: TYPE}"
 

@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 from lupin_engine.errors import Diagnostic, Place, Severity
 
-#: The day on which this engine was released; whoever releases one sets it.
+#: The day on which this engine was released; it is set with each release.
 RELEASED = "2026-11-30"
 
 

@@ -52,8 +52,8 @@ _ROS_TYPES = {
 }
 
 
-#: How many things that are wrong in one value are told.
-MAX_TOLD = 8
+#: The most problems of one value that are reported.
+MAX_REPORTED = 8
 
 
 def ros_type(name: str, kind: Type) -> RosParameter.Type:
@@ -129,9 +129,9 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
         return named(name, spec, unpacked)
     except ValueError as error:
         first, *more = str(error).split("\n")
-        told = [first, *more[: MAX_TOLD - 1]]
-        if len(more) >= MAX_TOLD:
-            told.append(f"and {len(more) + 1 - MAX_TOLD} more")
+        told = [first, *more[: MAX_REPORTED - 1]]
+        if len(more) >= MAX_REPORTED:
+            told.append(f"and {len(more) + 1 - MAX_REPORTED} more")
         raise ValueError("\n".join(told) + _hint(spec.type, value)) from None
 
 

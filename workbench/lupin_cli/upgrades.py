@@ -28,7 +28,7 @@ from lupin_engine.missions import (
 from lupin_engine.plugin import Catalog
 from lupin_engine.sim import SUFFIX, Comparison, Missions, Scenario, load_scenario_text, rewritten
 
-#: The action that closes what is left of an itinerary.
+#: The action that closes the open visits of an itinerary.
 _CLOSE = "itinerary.close_rest"
 #: The code that a mission is closed with where it fails, and its declaration.
 _FAILED = "mission_failed"
@@ -85,7 +85,7 @@ class FolderUpgrade:
 
 
 def upgrade_folder(folder: Path, catalog: Catalog) -> FolderUpgrade:
-    """Find what would change in a folder, also where this engine refuses what is in it by now.
+    """Find the changes for a folder, also for files that this engine refuses by now.
 
     Raises:
         UsageError: it is no folder, or has no missions and no scenarios.
@@ -130,7 +130,7 @@ class _MissionsUpgrade:
         upgrade.missions += len(self._files)
 
     def upgrade(self) -> None:
-        """Mend all that can be mended; what is left then is for a person."""
+        """Mend all that can be mended; a person mends the rest."""
         found = self._found({})
         edits: dict[Path, list[PlacedEdit]] = {}
         rows: dict[Path, list[str]] = {}

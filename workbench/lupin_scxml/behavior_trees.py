@@ -42,7 +42,7 @@ _OUTCOMES: Mapping[str, tuple[bool, bool]] = MappingProxyType(
 #: Attributes of version 4 that skip or end a node.
 _CONDITIONS = re.compile(r"_(skip|success|failure|while|on)\w*|_post")
 _SWITCH = re.compile(r"Switch\d+")
-#: Every leaf takes so long where nobody answers.
+#: The time after which an unanswered leaf takes its default.
 _STEP = "1 s"
 #: Attributes of a node that are no ports.
 _NO_PORTS = frozenset({"ID", "name", "_autoremap", "__shared_blackboard"})
@@ -367,7 +367,7 @@ class _Converter:
         targets: Sequence[str],
         does: str = "",
     ) -> dict[str, Any]:
-        """Return a state that asks what the tree does not say; its last answer is that of nobody."""
+        """Return a state that asks for the part that the tree leaves open; its last answer is the default."""
         self._notes.write(node, f"{state}: {does or question}")
         return {
             "summary": f"To be written: {does or question}",

@@ -49,7 +49,7 @@ from lupin_engine.plugin.types import (
     problems,
 )
 
-#: The type of what is declared with a type that does not exist: all uses of it are right.
+#: The type of a declaration whose own type does not exist: every use of it is right.
 MISTAKEN = replace(ANY)
 #: The way to a part of a value: names of fields and numbers in lists.
 _Steps = tuple[str | int, ...]

@@ -514,7 +514,7 @@ class _Tree:
 
 
 def part_of_element(read: Read) -> Read | None:
-    """Return what is read of a list's element: the names of a field, none for all; None if it is of none."""
+    """Return the path of the field that is read of a list element, () for all of it; None for other reads."""
     if _is_of_itinerary(read):
         return read[1:]
     if ANY not in read or read[0] in ("input", "param"):
