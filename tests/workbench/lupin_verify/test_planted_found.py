@@ -85,7 +85,6 @@ MISSED: Mapping[str, Mapping[str, str]] = {
         "door_left_out_after_dock": "what an open door is for is known to this mission alone",
         "door_skipped_with_the_tag": "what an open door is for is known to this mission alone",
         "crate_taken_and_brought_back": "what a variable stands for is known to this mission alone",
-        "crate_forgotten_after_dock": "what a variable stands for is known to this mission alone",
     },
     "third": {
         "retries_home_only_when_full": "how often the dock is tried is said by that argument alone",
