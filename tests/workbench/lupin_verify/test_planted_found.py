@@ -134,13 +134,14 @@ def checked(missions: Path, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def broken(missions: Path, monkeypatch: pytest.MonkeyPatch, targets: int) -> set[str]:
-    """Return the properties that a proof finds broken."""
+    """Return the properties that a proof finds broken; one that finds none is complete."""
     monkeypatch.chdir(missions.parent)
     chart = load_missions([str(one) for one in mission_files(missions)], load_catalog()).chart
     proof = prove(make_world(chart, {}), Bounds(targets=targets, restarts=False))
-    assert proof.complete
     against = (ProofVerdict.BROKEN, ProofVerdict.NOT_SHOWN)  # of the second no times were found: exit code 3
-    return {one.name for one in proof.properties if one.verdict in against}
+    found = {one.name for one in proof.properties if one.verdict in against}
+    assert proof.complete or found
+    return found
 
 
 @pytest.mark.parametrize(("planted", "defect"), HANDFUL)
