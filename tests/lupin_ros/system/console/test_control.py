@@ -130,20 +130,24 @@ def shown(page: Page) -> dict[str, tuple[bool, str]]:
     return {name: (enabled, sentence) for name, enabled, sentence in rows}
 
 
+#: What the page says of the verbs that it knows, in English.
+EFFECTS = {
+    "pause": "stops the robot where it is, until Resume",
+    "resume": "lets the mission go on",
+    "skip": "leaves this target out and goes on with the next one",
+    "dock": "drives home and waits there, until Resume",
+    "abort": "ends the mission",
+    "reset": "leaves the fault and looks at everything again",
+}
+
+
 def told(attendant: Attendant) -> dict[str, tuple[bool, str]]:
     """The same as the orchestrator tells it."""
     attendant.spin(0.02)
-    offer = attendant.offer
-
-    def labels(holds: list[str]) -> str:
-        return ", ".join(offer["codes"][offer["holds"][name]]["label"] for name in holds)
-
     found = {}
     for one in attendant.possible["requests"]:
         if one["request"].startswith("operator."):
-            engages = [f"holds the mission: {labels(one['engages'])}"] if one["engages"] else []
-            releases = [f"ends the hold: {labels(one['releases'])}"] if one["releases"] else []
-            sentence = "; ".join([*engages, *releases]) if one["possible"] else one["reason"]
+            sentence = EFFECTS[one["verb"]] if one["possible"] else one["reason"]
             found[one["verb"]] = (one["possible"], sentence)
     return found
 
