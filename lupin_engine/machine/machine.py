@@ -338,6 +338,7 @@ class Machine:
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer
+        owner = self._operations.of_deadline(owner) if kind == "timeout" else owner
         data = {"owner": owner, "time": name.rpartition(" ")[2]} if kind == "at" else {"owner": owner}
         step = self._open(Event(f"timer.{kind}", data), now)
         if kind == "budget" and owner not in self.memory.configuration:
@@ -354,6 +355,10 @@ class Machine:
             self._operations.timed_out(owner, step)
         elif kind == "retry":
             self._operations.retry(owner)
+        elif kind == "update":
+            self._operations.update(owner, step)
+        elif kind == "replaced":
+            self._operations.not_ended(owner, step)
         elif kind == "fresh":
             self._inputs.became_stale(owner, step)
         else:

@@ -223,6 +223,7 @@ class Inquiry:
         under_way = [
             f"{one.operation} for {time - one.started:.1f} s"
             + (f" (try {one.tries})" if one.tries > 1 else "")
+            + (f" (updated {one.updated} time{'s' if one.updated > 1 else ''})" if one.updated else "")
             + (f": {one.progress}" if one.progress else "")
             for one in self._history.attempts.values()
             if one.started <= time and (one.over is None or one.over > time)
