@@ -109,8 +109,9 @@ class Machine:
         "scope",
     )
 
-    #: What carries out its actions, and what takes in its live values.
+    #: What carries out its actions, what runs its operations, and what takes in its live values.
     content: ClassVar[type[ExecutableContent]] = ExecutableContent
+    operations: ClassVar[type[Operations]] = Operations
     inputs: ClassVar[type[Inputs]] = Inputs
 
     def __init__(self, world: World, memory: Memory | None = None) -> None:
@@ -124,7 +125,7 @@ class Machine:
         self._table: DispatchTable = dispatch_table(world.chart)
         self.scope = scope = EvaluationScope(world, self.memory)
         self._content = self.content(scope, self._table.actions)
-        self._operations = Operations(scope, self._content, self._table.arguments)
+        self._operations = self.operations(scope, self._content, self._table.arguments)
         self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = self.inputs(scope)
