@@ -105,7 +105,7 @@ class InvokeReader:
                 "leave the state and enter it again; if the server does, write 'updates: true' in its binding"
             )
             self._findings.add(at, "not-updated", path, problem, hint)
-        elif not any(map(_may_change, arguments.values())):
+        elif arguments.keys() >= node.with_.keys() and not any(map(_may_change, arguments.values())):
             problem = f"no argument of {node.do} can change while it runs, so it is never updated"
             hint = "read an input or a variable under 'with', or leave 'update' out"
             self._findings.warn(at, "not-updated", path, problem, hint)
