@@ -339,7 +339,7 @@ class Machine:
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer
-        owner = self._operations.of_deadline(owner) if kind == "timeout" else owner
+        owner = self._operations.of_deadline(owner) if kind in ("timeout", "update") else owner
         data = {"owner": owner, "time": name.rpartition(" ")[2]} if kind == "at" else {"owner": owner}
         step = self._open(Event(f"timer.{kind}", data), now)
         if kind == "budget" and owner not in self.memory.configuration:

@@ -451,13 +451,13 @@ class Operations:
             self._start(attempt, step)
         return bool(free)
 
-    def update(self, invocation_id: str, step: Macrostep) -> None:
+    def update(self, attempt_id: str, step: Macrostep) -> None:
         """Send an accepted attempt's arguments anew where they have changed: the time for that has come.
 
         A server that has not answered the last update, or has not ended what that replaced, gets none.
         """
-        invocation = next(found for found in self._every() if found.id == invocation_id)
-        attempt = self._scope.memory.attempts[invocation.attempt or ""]
+        attempt = self._scope.memory.attempts[attempt_id]
+        invocation = self._scope.memory.invocations[attempt.invocation]
         self._await_update(invocation, step)
         claims = (claim for claim in self._scope.memory.claims if not claim.waits)
         is_busy = any(claim.updated == invocation.name or _meets(claim, attempt) for claim in claims)
@@ -649,7 +649,7 @@ class Operations:
             self._failed(invocation, CANCELLED_CODE, "ended by the server", step)
 
     def of_deadline(self, owner: str) -> str:
-        """Return the attempt that a timeout is about, given its owner: an attempt, or an invocation."""
+        """Return the attempt that a deadline is about, given its owner: that itself, or its invocation."""
         if owner in self._scope.memory.attempts:
             return owner
         return next(found.attempt or "" for found in self._every() if found.id == owner)
