@@ -65,6 +65,25 @@ states:
     on_error: done
   done: {type: final}
 """
+#: A drive of the shipped plugin, to other tags meanwhile.
+DRIVE = """\
+mission: Drive
+summary: Drive to the first tag, and change one's mind twice.
+context: {n: {type: count, default: 0}}
+initial: DRIVING
+states:
+  DRIVING:
+    phase: DRIVING
+    every: {400 ms: {do: {set: {n: "${ n + 1 }"}}}}
+    invoke:
+      do: nav.go_to
+      with: {pose: "${ approach(tags.named(['1' if n < 1 else '5' if n < 2 else '2'])[0]) }"}
+      timeout: {after: 2 min, code: nav_timeout}
+      update: 100 ms
+    on_done: done
+    on_error: FAULT
+  done: {type: final}
+"""
 #: How long somebody walks, and between two reports of where they are, in seconds.
 WALK_S, REPORT_S = 5.5, 0.2
 
@@ -138,26 +157,32 @@ class Chaser(Operator):
 
 @pytest.fixture
 def chaser(ros_domain: int, world: World, tmp_path: Path) -> Iterator[Chaser]:
-    """The server with the running mission, whose first goal is accepted."""
+    """The server, and a robot that is ready."""
     missions = tmp_path / "missions"
     (missions / "bindings").mkdir(parents=True)
     (missions / "bindings" / "chaser.yaml").write_text(BINDING)
     (missions / "chase.yaml").write_text(MISSION)
+    (missions / "drive.yaml").write_text(DRIVE)
     allowed = "allow: {actions: /chaser/chase, subscribe: /chaser/them}"
     (tmp_path / "lupin.yaml").write_text(allowed)
     shutil.copy(default_missions_folder() / "lifecycle.yaml", missions)
     found = Chaser()
     world.start_all(missions_path=missions)
     found.in_state("READY")
-    assert found.start(mission="Chase").accepted
-    found.walk(0.5)
-    found.until(lambda: found.goals, "the first goal")
     yield found
     found.ros.close()
 
 
+def begin(chaser: Chaser) -> None:
+    """Start the chase, and wait for its first goal."""
+    assert chaser.start(mission="Chase").accepted
+    chaser.walk(0.5)
+    chaser.until(lambda: chaser.goals, "the first goal")
+
+
 def test_an_updated_goal_is_one_drive(chaser: Chaser) -> None:
     """One goal a second, each where somebody is then; none is cancelled, and one has a result."""
+    begin(chaser)
     chaser.walk(WALK_S)
     stands = time.monotonic()
     chaser.until(lambda: time.monotonic() > stands + 2.0, "the last update, while they stand")
@@ -179,6 +204,7 @@ def test_an_updated_goal_is_one_drive(chaser: Chaser) -> None:
 
 def test_an_emergency_stop_cancels_the_goal_that_lives(chaser: Chaser) -> None:
     """And nothing begins until the resume; then the newest place is the first."""
+    begin(chaser)
     chaser.walk(2.5)
     stop = chaser.ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
 
@@ -191,3 +217,16 @@ def test_an_emergency_stop_cancels_the_goal_that_lives(chaser: Chaser) -> None:
     assert chaser.cancels == [chaser.goals[-1]]
     chaser.walk(1.5)
     assert len(chaser.goals) == before
+
+
+def test_a_drive_of_navigation_is_updated(chaser: Chaser) -> None:
+    """The simulated robot gives up the old goal for the new one, as Nav2 does."""
+    assert chaser.start(mission="Drive").accepted
+    chaser.in_state("DONE")
+    drives = [each for each in chaser.commands if each.get("operation") == "nav.go_to"]
+    assert [(each["command"], bool(each.get("updates"))) for each in drives] == [
+        ("start", False),
+        ("start", True),
+        ("start", True),
+    ]
+    assert chaser.state.last_error == ""
