@@ -24,8 +24,8 @@ class AttemptHistory:
 
     `ended` is the time of the server's answer, `answer` is done, failed or cancelled, and `data` its fields;
     `late`: it came after the cancel, and counts only where it was cut short. `abandoned`: the server did not
-    confirm a cancel in time, and later reports are ignored. `updated` counts the updates that took its place,
-    each with the newest `arguments`: these attempts are one here.
+    confirm a cancel in time, and later reports are ignored. `updated` are the times of its updates, which
+    took its place: these attempts are one here, with the newest `arguments`.
     """
 
     operation: str
@@ -42,7 +42,7 @@ class AttemptHistory:
     answer: str = ""
     data: Mapping[str, Any] = field(default_factory=dict)
     late: bool = False
-    updated: int = 0
+    updated: list[float] = field(default_factory=list)
 
     @property
     def over(self) -> float | None:
@@ -117,7 +117,8 @@ class History:
     def _follow(self, command: Command, step: Step) -> None:
         if isinstance(command, Start) and command.updates in self.attempts:
             known = self.attempts[command.attempt] = self.attempts.pop(command.updates)
-            known.arguments, known.updated = command.arguments, known.updated + 1
+            known.arguments = command.arguments
+            known.updated.append(step.time)
         elif isinstance(command, Start):
             self.attempts[command.attempt] = AttemptHistory(
                 command.operation, command.arguments, command.state, command.tries, step.time

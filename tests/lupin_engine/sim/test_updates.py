@@ -12,6 +12,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Cancel, Start
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
+from lupin_engine.replay.why import Inquiry, LivedStep
 from lupin_engine.sim.narration import narrate
 from lupin_engine.sim.scripted import MockOutcome, Rule
 from lupin_engine.sim.simulation import (
@@ -84,11 +85,18 @@ def test_a_mocked_server_ends_the_old_goal_and_works_as_long_as_it_would_have(ch
     run = chased(chase, after=8.0)
     assert list(goals(run).values()) == [["accepted", "cancelled"]] * 5 + [["accepted", "done"]]
     (drive,) = [one for one in run.history.attempts.values() if one.operation == "nav.go_to"]
-    assert (drive.updated, drive.outcome, drive.arguments["pose"]) == (5, "done", THERE[4])
+    assert (len(drive.updated), drive.outcome, drive.arguments["pose"]) == (5, "done", THERE[4])
     assert drive.ended == pytest.approx(drive.started + 8.0)
     assert run.violated == ()
     said = [text for line in narrate(run.chart, run.history) for text, _ in line.commanded]
     assert said.count("update nav.go_to(pose: {x 2, y 4, yaw 0})") == 1
+
+
+def test_why_says_how_often_it_was_updated_until_then(chase: Chart) -> None:
+    run = chased(chase, after=8.0)
+    lived = [LivedStep(step, step.time) for step in run.steps]
+    answer = Inquiry(chase, lived).moment(3.7)
+    assert answer.text == "in CHASING for 3.7 s; under way: nav.go_to for 3.7 s (updated 3 times)"
 
 
 def test_a_failure_by_hand_is_one_of_the_newest_goal(chase: Chart) -> None:
