@@ -192,7 +192,8 @@ and the attempt: the same inputs give the same pauses.
 runs. Where one has changed, the server gets them as a new goal in place of the old one; nothing is
 cancelled. It is the same try, and the `timeout` is that of all goals together. A value that is unknown
 changes nothing, and neither do new arguments before the server has taken the last goal. What stops the
-operation stops both goals. An operation can be updated if it [says so](bindings.md#new-goals-for-a-running-one).
+operation stops both goals. [Which operations](bindings.md#new-goals-for-a-running-one) can be updated, they
+declare.
 
 **Holds.** A *hold*, such as a pause or an emergency stop, suspends the whole chart. Operations that move
 the robot are cancelled, clocks stand still, and answers wait. After the release the chart first becomes

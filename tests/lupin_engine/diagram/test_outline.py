@@ -89,7 +89,11 @@ def test_a_for_each_shows_its_list_limit_operation_and_ends(words: Picture) -> N
 def test_an_operation_around_other_states_is_shown(words: Picture) -> None:
     """In the composite state's own text."""
     assert box(words, "STARTING").text == ("do / nav.localize ≤ 10 s", "tries: 3")
-    assert box(words, "BOTH").text == ("do / nav.localize", "updated every 1 s", "read.failed [event.far] / set reason")
+    assert box(words, "BOTH").text == (
+        "do / nav.localize",
+        "updated every 1 s",
+        "read.failed [event.far] / set reason",
+    )
     assert box(words, "toured").text == ("result / set walked",)
 
 
