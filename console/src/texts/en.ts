@@ -271,6 +271,7 @@ export const en = {
     timeline: "Timeline",
     // what happened
     start: (what: string) => `start ${what}`,
+    update: (what: string) => `update ${what}`,
     cancel: (what: string) => `cancel ${what}`,
     report: (visits: number) => `report of ${visits} visits`,
     accepted: (what: string) => `${what} accepted`,
@@ -286,6 +287,8 @@ export const en = {
       retry: "next try",
       timeout: "timed out",
       cancel: "does not confirm its cancel",
+      update: "time for an update",
+      replaced: "is still there, though it was replaced",
     },
     held: (why: string) => `held: ${why}`,
     released: (why: string) => `no longer held: ${why}`,
