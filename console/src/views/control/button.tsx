@@ -51,7 +51,7 @@ export function RequestButton({ label, verb, mission = "", request = {}, possibl
 }
 
 /** Within so many milliseconds after buttons have moved, a press was meant for another one. */
-const MOVED_MS = 350;
+const MOVED_MS = 600;
 let arrangement = "";
 let movedAt = -Infinity;
 
