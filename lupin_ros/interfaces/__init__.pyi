@@ -5,7 +5,6 @@ from .files import names_in as names_in
 from .files import packages as packages
 from .files import read_interfaces as read_interfaces
 from .json_schema import json_schema as json_schema
-from .type_hashes import installed as installed
 from .typescript import typescript as typescript
 from .used import NAME as NAME
 from .used import used_interfaces as used_interfaces

@@ -12,7 +12,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
-from lupin_engine.errors import meant
+from lupin_engine.errors import nearest
 from lupin_gateway.access import Use, UseRefusal
 from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
@@ -22,7 +22,6 @@ from lupin_gateway.ports import CallFailed
 from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
 from lupin_ros.adapter import RosNode, distribution
-from lupin_ros.interfaces import installed
 
 #: Seconds that a node has to answer about a parameter.
 PARAMETER_WITHIN_S = 5.0
@@ -82,7 +81,7 @@ class Rosapi:
             "node_details": self._node_details,
             "action_servers": self._action_servers,
             "action_type": self._action_type,
-            "interfaces": lambda *_: {"interfaces": _interfaces()},
+            "interfaces": self._interfaces,
             **{name: partial(_details, *what) for name, what in _DETAILS.items()},
         }
         self._later: Mapping[str, Callable[[Data, Done], None]] = {
@@ -129,9 +128,8 @@ class Rosapi:
 
     def _topic_nodes(self, end: str, data: Data, refusal: UseRefusal) -> dict[str, Any]:
         node, topic = self._ros.node, _name(data, "topic", Use.SUBSCRIBE, refusal)
-        ask = (
-            node.get_publishers_info_by_topic if end == "publishers" else node.get_subscriptions_info_by_topic
-        )
+        publishes = end == "publishers"
+        ask = node.get_publishers_info_by_topic if publishes else node.get_subscriptions_info_by_topic
         return {end: _nodes_of(ask(topic))}
 
     # -- services and actions -----------------------------------------------------------------------------
@@ -149,15 +147,23 @@ class Rosapi:
     def _servers(self, data: Data, refusal: UseRefusal) -> list[str]:
         return _nodes_of(service_servers(self._ros, _name(data, "service", Use.CALL, refusal)))
 
-    def _action_servers(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
+    def _known_actions(self, refusal: UseRefusal) -> dict[str, str]:
         names = (name for name, _ in self._ros.node.get_service_names_and_types())
         ending = "/_action/send_goal"
-        served = [name.removesuffix(ending) for name in names if name.endswith(ending)]
-        known = [name for name in served if not refusal(Use.ACTION, name) and action_type(self._ros, name)]
-        return {"action_servers": sorted(known)}
+        served = sorted(name.removesuffix(ending) for name in names if name.endswith(ending))
+        found = {name: action_type(self._ros, name) for name in served if not refusal(Use.ACTION, name)}
+        return {name: kind for name, kind in found.items() if kind}
+
+    def _action_servers(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
+        return {"action_servers": list(self._known_actions(refusal))}
 
     def _action_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
         return {"type": action_type(self._ros, _name(data, "action", Use.ACTION, refusal))}
+
+    def _interfaces(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
+        """Return the types in use of what the client may know."""
+        found = (self._known_topics, self._known_services, self._known_actions)
+        return {"interfaces": sorted({kind for known in found for kind in known(refusal).values()})}
 
     # -- nodes --------------------------------------------------------------------------------------------
 
@@ -169,9 +175,7 @@ class Rosapi:
     def _node_details(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
         node, nodes = _absolute(_text(data, "node")), self._nodes()
         if node not in nodes:
-            raise ValueError(
-                " ".join(filter(None, (f"there is no node {node};", meant(node, nodes)))).rstrip(";")
-            )
+            raise ValueError(f"there is no node {node}; {nearest(node, nodes)}")
         of, topics, services = self._ros.node, self._known_topics(refusal), self._known_services(refusal)
         ends: Mapping[str, tuple[Callable[..., Any], Mapping[str, str]]] = {
             "subscribing": (of.get_subscriber_names_and_types_by_node, topics),
@@ -225,13 +229,6 @@ class Rosapi:
 
 def _refuse_change(*_: Any) -> None:
     raise ValueError(_NO_CHANGE)
-
-
-def _interfaces() -> list[str]:
-    """Return the types that are installed here, as the gateway can carry no others."""
-    return sorted(
-        f"{package}/{kind}/{name}" for kind in ("msg", "srv", "action") for package, name in installed(kind)
-    )
 
 
 def _nodes_of(ends: Iterable[Any]) -> list[str]:

@@ -253,7 +253,8 @@ ASKED: list[tuple[str, dict[str, Any], Callable[[Any], Any], Any]] = [
         "delete_param",
         {},
         lambda a: a,
-        "failed: /rosapi/delete_param: the gateway does not offer it",
+        "failed: /rosapi/delete_param: no client changes parameters; "
+        "give them where the node is started: --set NODE.NAME=VALUE",
     ),
 ]
 
