@@ -66,7 +66,7 @@ GOAL = {"args": {"pose": {"header": {"frame_id": "map"}, "pose": PLACE}}, "feedb
 TOOLS: dict[str, list[tuple[Frame, Any]]] = {
     "connect_to_robot": [VERSION],
     "detect_ros_version": [VERSION],
-    "get_topics": [(ask("topics"), has("topics", STATE, "/rosout"))],
+    "get_topics": [(ask("topics"), has("topics", STATE, "/parameter_events"))],
     "get_topic_type": [(ask("topic_type", topic=STATE), {"type": STATE_TYPE})],
     "get_topic_details": [
         (ask("topic_type", topic=STATE), {"type": STATE_TYPE}),
@@ -139,7 +139,7 @@ _NUMBERS = itertools.count()
 
 def answer(page: OpenPage, frame: Frame) -> Any:
     """Send a frame as a tool does; return what comes back: fields, a message, a refusal, or None."""
-    number, before = f"tool-{next(_NUMBERS)}", len(page.frames)
+    number, before = frame.get("id", f"tool-{next(_NUMBERS)}"), len(page.frames)
     page.send({**frame, **({"id": number} if frame["op"] != "subscribe" else {})})
     if frame["op"] in ("advertise", "publish", "unadvertise"):
         page.work_off()
@@ -202,16 +202,16 @@ def test_a_role_learns_of_what_it_may_use(
     topics = until(
         lambda: (found := answer(page, ask("topics"))["topics"]) and STATE in found and found, "topics"
     )
-    assert "/rosout" not in topics
+    assert "/parameter_events" not in topics
     assert PAUSE not in answer(page, ask("services"))["services"]
     assert answer(page, ask("action_servers")) == {"action_servers": []}
-    assert answer(page, ask("topics_for_type", type="rcl_interfaces/msg/Log")) == {"topics": []}
+    assert answer(page, ask("topics_for_type", type="rcl_interfaces/msg/ParameterEvent")) == {"topics": []}
     details = answer(page, ask("node_details", node="/mission_orchestrator"))
     assert STATE in details["publishing"]
-    assert not {"/rosout", PAUSE} & {*details["publishing"], *details["services"]}
+    assert not {"/parameter_events", PAUSE} & {*details["publishing"], *details["services"]}
     refused = "needs the role engineer; hall is viewer"
-    assert answer(page, ask("publishers", topic="/rosout")) == (
-        f"/rosapi/publishers: subscribing to /rosout {refused}"
+    assert answer(page, ask("publishers", topic="/parameter_events")) == (
+        f"/rosapi/publishers: subscribing to /parameter_events {refused}"
     )
     assert answer(page, ask("get_param", name="/lupin_sim:speed")) == (
         "calling /rosapi/get_param needs the role operator; hall is viewer"
