@@ -33,6 +33,7 @@ REPORT_S = 1.0
 LITTLE_MEMORY, LITTLE_DISK = 0.05, 1e9
 #: The text of the last report of a node that ends properly, and of a subject without trouble.
 ENDED, FINE = "ended", "no trouble"
+LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 #: The subject of what the machine lacks, and its code.
 MACHINE = "machine"
 SHORT = Code(
@@ -64,10 +65,8 @@ class Trouble:
     @property
     def level(self) -> bytes:
         """Its level of a DiagnosticStatus."""
-        if not self.problem:
-            return bytes(DiagnosticStatus.OK)
         is_error = self.code.severity is Severity.ERROR
-        return bytes(DiagnosticStatus.ERROR if is_error else DiagnosticStatus.WARN)
+        return bytes(LEVELS[is_error + 1 if self.problem else 0])
 
     @property
     def values(self) -> Mapping[str, str]:
@@ -145,11 +144,11 @@ class Vitals:
             )
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
-        name, is_over = self._node.get_fully_qualified_name(), level == DiagnosticStatus.STALE
+        name = self._node.get_fully_qualified_name()
         array.status = [self._status(level, name, message, values)]
         for about, each in self.troubles.items():
-            is_level = level if is_over else each.level
-            array.status.append(self._status(is_level, f"{name}: {about}", each.problem or FINE, each.values))
+            own = level if level == DiagnosticStatus.STALE else each.level
+            array.status.append(self._status(own, f"{name}: {about}", each.problem or FINE, each.values))
         self._publisher.publish(array)
 
     def _status(self, level: bytes, name: str, message: str, values: Mapping[str, str]) -> DiagnosticStatus:

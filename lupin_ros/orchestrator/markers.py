@@ -30,6 +30,9 @@ MOST_TARGETS = 250
 #: Red, green and blue by the outcome of a target; of one without an outcome, and of the current one.
 COLOURS = {Rating.GOOD: (0.2, 0.7, 0.3), Rating.BAD: (0.85, 0.2, 0.15), Rating.LEFT_OUT: (0.6, 0.6, 0.6)}
 OPEN, CURRENT = (0.25, 0.5, 0.95), (1.0, 0.75, 0.0)
+#: x, y, z and heading; and the size.
+_At = tuple[float, float, float, float]
+_Scale = tuple[float, float, float]
 #: Namespaces of the markers; in each the ids are those of the targets.
 TARGETS, STANDS, NAMES = "targets", "stands", "names"
 
@@ -68,30 +71,22 @@ class MarkerPublisher:
 
     def _markers(self, place: TargetPlace) -> Iterator[Any]:
         kind, x, y = self._marker, place.x, place.y
-        yield self._made(TARGETS, place, kind.CYLINDER, (x, y, 0.15), (0.2, 0.2, 0.3))
+        yield self._made(place, TARGETS, kind.CYLINDER, (x, y, 0.15, 0.0), (0.2, 0.2, 0.3))
         if place.stand is not None:
             x_stand, y_stand, yaw = place.stand
-            yield self._made(STANDS, place, kind.ARROW, (x_stand, y_stand, 0.05), (0.3, 0.06, 0.06), yaw)
-        yield self._made(NAMES, place, kind.TEXT_VIEW_FACING, (x, y, 0.5), (0.0, 0.0, 0.2))
+            yield self._made(place, STANDS, kind.ARROW, (x_stand, y_stand, 0.05, yaw), (0.3, 0.06, 0.06))
+        yield self._made(place, NAMES, kind.TEXT_VIEW_FACING, (x, y, 0.5, 0.0), (0.0, 0.0, 0.2))
 
-    def _made(
-        self,
-        namespace: str,
-        place: TargetPlace,
-        kind: int,
-        at: tuple[float, float, float],
-        scale: tuple[float, float, float],
-        yaw: float = 0.0,
-    ) -> Any:
-        (x, y, z), (red, green, blue), (wide, deep, high) = at, self._colour(place), scale
+    def _made(self, place: TargetPlace, ns: str, kind: int, at: _At, scale: _Scale) -> Any:
+        (x, y, z, yaw), (red, green, blue) = at, self._colour(place)
         turn = Quaternion(z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
         return self._marker(
             header=Header(frame_id=FRAME),  # without a stamp: by the newest transform
-            ns=namespace,
+            ns=ns,
             id=self._numbers.setdefault(place.id, len(self._numbers)),
             type=kind,
             pose=Pose(position=Point(x=x, y=y, z=z), orientation=turn),
-            scale=Vector3(x=wide, y=deep, z=high),
+            scale=Vector3(**dict(zip("xyz", scale, strict=True))),
             color=ColorRGBA(r=red, g=green, b=blue, a=1.0),
             text=place.id,
         )

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import ParameterType
+from rclpy.node import NodeNameNonExistentError
 
 from lupin_engine.errors import nearest
 from lupin_gateway.access import Use, UseRefusal
@@ -51,6 +52,8 @@ _DETAILS = {
     "action_result_details": ("action", "Result"),
     "action_feedback_details": ("action", "Feedback"),
 }
+#: The end of the name of the service by which an action gets its goals.
+_GOALS = "/_action/send_goal"
 #: Why parameters are not changed.
 _NO_CHANGE = "no client changes parameters; give them where the node is started: --set NODE.NAME=VALUE"
 
@@ -68,19 +71,19 @@ class Rosapi:
             "get_time": self._get_time,
             "get_ros_version": lambda *_: {"version": 2, "distro": distribution()},
             "topics": self._topics,
-            "topic_type": self._topic_type,
-            "topics_for_type": self._topics_for_type,
+            "topic_type": partial(self._type, Use.SUBSCRIBE, "topic", _topic_type),
+            "topics_for_type": partial(self._for_type, Use.SUBSCRIBE, "topics", "msg"),
             "publishers": partial(self._topic_nodes, "publishers"),
             "subscribers": partial(self._topic_nodes, "subscribers"),
-            "services": lambda _, refusal: {"services": list(self._known_services(refusal))},
-            "service_type": self._service_type,
-            "services_for_type": self._services_for_type,
+            "services": lambda _, refusal: {"services": list(self._known(Use.CALL, refusal))},
+            "service_type": partial(self._type, Use.CALL, "service", service_type),
+            "services_for_type": partial(self._for_type, Use.CALL, "services", "srv"),
             "service_node": lambda data, refusal: {"node": next(iter(self._servers(data, refusal)), "")},
             "service_providers": lambda data, refusal: {"providers": self._servers(data, refusal)},
+            "action_servers": lambda _, refusal: {"action_servers": list(self._known(Use.ACTION, refusal))},
+            "action_type": partial(self._type, Use.ACTION, "action", action_type),
             "nodes": lambda *_: {"nodes": list(self._nodes())},
             "node_details": self._node_details,
-            "action_servers": self._action_servers,
-            "action_type": self._action_type,
             "interfaces": self._interfaces,
             **{name: partial(_details, *what) for name, what in _DETAILS.items()},
         }
@@ -103,28 +106,38 @@ class Rosapi:
                 self._later[question](data, done)
             else:
                 done(self._questions[question](data, refusal))
-        except (ValueError, NotCarried) as problem:
+        except (ValueError, NotCarried, NodeNameNonExistentError) as problem:
             done(CallFailed(f"/rosapi/{question}: {problem}"))
 
     def _get_time(self, *_: Any) -> dict[str, Any]:
         stamp = self._ros.stamp()
         return {"time": {"sec": stamp.sec, "nanosec": stamp.nanosec}}
 
-    # -- topics -----------------------------------------------------------------------------------------
+    # -- topics, services and actions ---------------------------------------------------------------------
 
-    def _known_topics(self, refusal: UseRefusal) -> dict[str, str]:
-        found = _seen(self._ros.node.get_topic_names_and_types())
-        return {name: kind for name, kind in found.items() if not refusal(Use.SUBSCRIBE, name)}
+    def _known(self, use: Use, refusal: UseRefusal) -> dict[str, str]:
+        """Return the topics, services or actions that the client may use so, each with its type."""
+        node = self._ros.node
+        topics = use is Use.SUBSCRIBE
+        found = node.get_topic_names_and_types() if topics else node.get_service_names_and_types()
+        if use is Use.ACTION:
+            goals = sorted(name.removesuffix(_GOALS) for name, _ in found if name.endswith(_GOALS))
+            kinds = {name: action_type(self._ros, name) for name in goals if not refusal(use, name)}
+            return {name: kind for name, kind in kinds.items() if kind}
+        return {name: kind for name, kind in _seen(found).items() if not refusal(use, name)}
 
     def _topics(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
-        found = self._known_topics(refusal)
+        found = self._known(Use.SUBSCRIBE, refusal)
         return {"topics": list(found), "types": list(found.values())}
 
-    def _topic_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"type": next(iter(topic_types(self._ros, _name(data, "topic", Use.SUBSCRIBE, refusal))), "")}
+    def _type(
+        self, use: Use, key: str, find: Callable[[RosNode, str], str], data: Data, refusal: UseRefusal
+    ) -> dict[str, Any]:
+        return {"type": find(self._ros, _name(data, key, use, refusal))}
 
-    def _topics_for_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"topics": _of_type(data, "msg", self._known_topics(refusal))}
+    def _for_type(self, use: Use, key: str, kind: str, data: Data, refusal: UseRefusal) -> dict[str, Any]:
+        wanted = full_type(_text(data, "type"), kind)
+        return {key: [name for name, type_ in self._known(use, refusal).items() if type_ == wanted]}
 
     def _topic_nodes(self, end: str, data: Data, refusal: UseRefusal) -> dict[str, Any]:
         node, topic = self._ros.node, _name(data, "topic", Use.SUBSCRIBE, refusal)
@@ -132,38 +145,13 @@ class Rosapi:
         ask = node.get_publishers_info_by_topic if publishes else node.get_subscriptions_info_by_topic
         return {end: _nodes_of(ask(topic))}
 
-    # -- services and actions -----------------------------------------------------------------------------
-
-    def _known_services(self, refusal: UseRefusal) -> dict[str, str]:
-        found = _seen(self._ros.node.get_service_names_and_types())
-        return {name: kind for name, kind in found.items() if not refusal(Use.CALL, name)}
-
-    def _service_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"type": service_type(self._ros, _name(data, "service", Use.CALL, refusal))}
-
-    def _services_for_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"services": _of_type(data, "srv", self._known_services(refusal))}
-
     def _servers(self, data: Data, refusal: UseRefusal) -> list[str]:
         return _nodes_of(service_servers(self._ros, _name(data, "service", Use.CALL, refusal)))
 
-    def _known_actions(self, refusal: UseRefusal) -> dict[str, str]:
-        names = (name for name, _ in self._ros.node.get_service_names_and_types())
-        ending = "/_action/send_goal"
-        served = sorted(name.removesuffix(ending) for name in names if name.endswith(ending))
-        found = {name: action_type(self._ros, name) for name in served if not refusal(Use.ACTION, name)}
-        return {name: kind for name, kind in found.items() if kind}
-
-    def _action_servers(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"action_servers": list(self._known_actions(refusal))}
-
-    def _action_type(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
-        return {"type": action_type(self._ros, _name(data, "action", Use.ACTION, refusal))}
-
     def _interfaces(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
         """Return the types in use of what the client may know."""
-        found = (self._known_topics, self._known_services, self._known_actions)
-        return {"interfaces": sorted({kind for known in found for kind in known(refusal).values()})}
+        uses = (Use.SUBSCRIBE, Use.CALL, Use.ACTION)
+        return {"interfaces": sorted({kind for use in uses for kind in self._known(use, refusal).values()})}
 
     # -- nodes --------------------------------------------------------------------------------------------
 
@@ -176,15 +164,15 @@ class Rosapi:
         node, nodes = _absolute(_text(data, "node")), self._nodes()
         if node not in nodes:
             raise ValueError(f"there is no node {node}; {nearest(node, nodes)}")
-        of, topics, services = self._ros.node, self._known_topics(refusal), self._known_services(refusal)
-        ends: Mapping[str, tuple[Callable[..., Any], Mapping[str, str]]] = {
-            "subscribing": (of.get_subscriber_names_and_types_by_node, topics),
-            "publishing": (of.get_publisher_names_and_types_by_node, topics),
-            "services": (of.get_service_names_and_types_by_node, services),
+        of = self._ros.node
+        ends = {
+            "subscribing": (of.get_subscriber_names_and_types_by_node, Use.SUBSCRIBE),
+            "publishing": (of.get_publisher_names_and_types_by_node, Use.SUBSCRIBE),
+            "services": (of.get_service_names_and_types_by_node, Use.CALL),
         }
         return {
-            end: sorted({name for name, _ in ask(*nodes[node]) if name in known})
-            for end, (ask, known) in ends.items()
+            end: sorted({name for name, _ in ask(*nodes[node])} & self._known(use, refusal).keys())
+            for end, (ask, use) in ends.items()
         }
 
     # -- parameters ---------------------------------------------------------------------------------------
@@ -237,9 +225,8 @@ def _nodes_of(ends: Iterable[Any]) -> list[str]:
     return sorted(name for name in found if not name.endswith("_NODE_NAME_UNKNOWN_"))
 
 
-def _of_type(data: Data, kind: str, found: Mapping[str, str]) -> list[str]:
-    wanted = full_type(_text(data, "type"), kind)
-    return [name for name, type_ in found.items() if type_ == wanted]
+def _topic_type(ros: RosNode, topic: str) -> str:
+    return next(iter(topic_types(ros, topic)), "")
 
 
 def _parameter(data: Data) -> tuple[str, str]:
