@@ -61,7 +61,11 @@ SUBSCRIBED = (
 )
 #: Where the simulated robot stands.
 PLACE = {"position": {"x": 0.5, "y": 0.5}, "orientation": {"w": 1.0}}
-GOAL = {"args": {"pose": {"header": {"frame_id": "map"}, "pose": PLACE}}, "feedback": True}
+POSE = {"pose": {"header": {"frame_id": "map"}, "pose": PLACE}}
+ACTION = {"action": NAVIGATE, "action_type": NAVIGATE_TYPE}
+GOAL = {"op": "send_action_goal", **ACTION, "args": POSE, "feedback": True}
+GOALS = {"op": "subscribe", "topic": f"{NAVIGATE}/_action/status", "type": STATUS}
+CANCEL = {"op": "cancel_action_goal", "action": NAVIGATE, "id": "goal_1"}
 #: What each tool asks, in order, and the answer: fields, a condition, a refusal, or None for no answer.
 TOOLS: dict[str, list[tuple[Frame, Any]]] = {
     "connect_to_robot": [VERSION],
@@ -89,10 +93,8 @@ TOOLS: dict[str, list[tuple[Frame, Any]]] = {
     "call_service": [(call(PAUSE), lambda a: a["message"] == "pause refused: no mission is running")],
     "get_nodes": [(ask("nodes"), has("nodes", "/lupin_gateway", "/lupin_sim", "/mission_orchestrator"))],
     "get_node_details": [
-        (
-            ask("node_details", node="/mission_orchestrator"),
-            lambda a: STATE in a["publishing"] and "/battery" in a["subscribing"] and PAUSE in a["services"],
-        )
+        (ask("node_details", node="/mission_orchestrator"), has("publishing", STATE)),
+        (ask("node_details", node="/mission_orchestrator"), has("services", PAUSE)),
     ],
     "get_parameter": [SPEED],
     "has_parameter": [SPEED],
@@ -110,24 +112,9 @@ TOOLS: dict[str, list[tuple[Frame, Any]]] = {
         (ask("action_result_details", type=NAVIGATE_TYPE), fields("error_code", "error_msg")),
         (ask("action_feedback_details", type=NAVIGATE_TYPE), lambda a: len(a["typedefs"]) > 1),
     ],
-    "send_action_goal": [
-        (
-            {"op": "send_action_goal", "action": NAVIGATE, "action_type": NAVIGATE_TYPE, **GOAL},
-            {"error_code": 0, "error_msg": ""},
-        )
-    ],
-    "get_action_status": [
-        (
-            {"op": "subscribe", "topic": f"{NAVIGATE}/_action/status", "type": STATUS},
-            lambda m: m["status_list"][0]["status"] == 4,
-        )
-    ],
-    "cancel_action_goal": [
-        (
-            {"op": "cancel_action_goal", "action": NAVIGATE, "id": "goal_1"},
-            f"{NAVIGATE}: no goal with the id 'goal_1' is under way",
-        )
-    ],
+    "send_action_goal": [(GOAL, {"error_code": 0, "error_msg": ""})],
+    "get_action_status": [(GOALS, lambda message: message["status_list"][0]["status"] == 4)],
+    "cancel_action_goal": [(CANCEL, f"{NAVIGATE}: no goal with the id 'goal_1' is under way")],
     # What these ask, they ask of the network below, or of their own disk.
     "ping_robots": [],
     "get_verified_robot_spec": [],
