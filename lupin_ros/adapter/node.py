@@ -60,8 +60,8 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from lupin_engine.errors import UsageError
-from lupin_engine.plugin import MAX_SECONDS
+from lupin_engine.errors import Severity, UsageError
+from lupin_engine.plugin import MAX_SECONDS, Code
 from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
@@ -112,6 +112,16 @@ PEER_CHECK_PERIOD_S = 5.0
 
 #: This many exceptions outside callbacks within one second are a broken node, not a bad message.
 MAX_FAILURES_PER_SECOND = 20
+
+#: Codes of a node's own troubles in its diagnostics; of a trouble without one.
+TOO_LARGE = Code("message_too_large", "a message is too large", advice="Send less in one message.")
+MISMATCH = Code(
+    "other_peers",
+    "peers have other types, or serve the same name",
+    Severity.ERROR,
+    "Use the same interface packages on both sides, and one server for a name.",
+)
+UNNAMED = Code("", "")
 
 #: Nodes that are named by their process, and the enclave of SROS2 that they run in.
 _OF_PEOPLE = re.compile(r"lupin_\w+_\d+")
@@ -403,7 +413,7 @@ class RosNode:
             return
         problem = f"{topic}: messages of more than {limit} bytes are refused"
         self._refused.add(topic)
-        self.trouble(topic, problem)
+        self.trouble(topic, problem, TOO_LARGE)
         self.log.error(problem)
 
     def subscribe_raw(
@@ -505,15 +515,16 @@ class RosNode:
         found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
         for finding in sorted(found - self._logged_findings):
             self.log.error(finding)
+        self.trouble("peers", "; ".join(sorted(found)), MISMATCH)
         self._logged_findings, self._seen_rivals = found, rivals
 
-    def trouble(self, about: str, problem: str) -> None:
-        """Report a trouble on /diagnostics from now on; '' when it is over."""
-        if self._vitals is None:
-            return
-        self._vitals.troubles.pop(about, None)
-        if problem:
-            self._vitals.troubles[about] = problem
+    def trouble(self, about: str, problem: str, code: Code = UNNAMED) -> None:
+        """Report a trouble on /diagnostics from now on; '' when it is over.
+
+        `code` has its severity and advice.
+        """
+        if self._vitals is not None:
+            self._vitals.trouble(about, problem, code)
 
     # --- running ----------------------------------------------------------------------------------------
 

@@ -27,6 +27,9 @@ COMMAND_SERVICE = f"/{NODE}/command"
 COMMAND_TYPE = "lupin_engine_msgs/srv/Command"
 COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22"
 
+#: The targets for RViz, below the node's namespace.
+MARKERS_TOPIC, MARKERS_TYPE = "lupin/markers", "visualization_msgs/msg/MarkerArray"
+
 #: How every node is, once a second (diagnostic_msgs/msg/DiagnosticArray); a name of ROS.
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
@@ -37,7 +40,7 @@ DRAW_TYPE, EXPLAIN_TYPE = "lupin_engine_msgs/srv/Draw", "lupin_engine_msgs/srv/E
 #: Which of these people's pages may use.
 ACCESS = Access(
     viewer=(
-        *(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC),
+        *(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC, f"/{MARKERS_TOPIC}"),
         *(DRAW_SERVICE, EXPLAIN_SERVICE),
     ),
     operator=(COMMAND_SERVICE, ANSWER_SERVICE.format("*")),
