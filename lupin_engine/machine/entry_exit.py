@@ -49,7 +49,7 @@ class EntryExit:
         if state.timers or state.budget is not None:
             self._timers.disarm(state, exited, step)
         if state.ask is not None:
-            self._questions.close(state.name)
+            self._questions.close(state.name, step)
 
     def enter(self, state: State, trigger: Trigger, comes_back: bool, step: Macrostep) -> None:
         """Enter a state; one that `comes_back` is restored from history."""

@@ -202,9 +202,14 @@ class Questions:
         self._scope.memory.asked[state] = question
         self._scope.timers.arm("ask", state, step.now, delay, ask.timer.event)
 
-    def close(self, state: str) -> None:
-        """Forget the question of a state that is left, or that was answered."""
-        self._scope.memory.asked.pop(state, None)
+    def close(self, state: str, step: Macrostep | None = None) -> None:
+        """Forget the question of a state that is left, or that was answered.
+
+        One that was asked in the same `step` was asked of nobody.
+        """
+        question = self._scope.memory.asked.pop(state, None)
+        if step is not None and (note := f"asks: {question}") in step.notes:
+            step.notes.remove(note)
         self._scope.timers.disarm("ask", state)
 
     def answered(self, event: Event) -> None:

@@ -23,6 +23,12 @@ def asking(**more: Any) -> Bench:
     return Bench(chart(states, holds=HOLDS, context={"depth": 2, "by": ""}))
 
 
+def test_who_passes_through_a_state_is_asked_nothing() -> None:
+    """The log names no question that nobody could answer."""
+    bench = asking(always="Z")
+    assert (bench.leaves, bench.steps[0].notes, bench.machine.view.asking) == (["Z"], (), ())
+
+
 def refusal(step: Step) -> str:
     """Return why a request was refused."""
     assert step.accepted is False
