@@ -81,8 +81,8 @@ PATTERNS = (
     ),
     Pattern(
         "Response within",
-        "Whenever one condition holds, and as long as it does, another one follows in time. A hold does not stop"
-        " this clock: name it in"
+        "Whenever one condition holds, and as long as it does, another one follows in time. A hold does not"
+        " stop this clock: name it in"
         " `until` where it is an excuse. Without `after` the time begins when the robot does, once.",
         "after: in_state('DOOR'), eventually: in_state('WINDOW'), within: 4 s",
         "existence, bounded response; visit, bounded reaction",

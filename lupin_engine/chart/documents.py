@@ -690,8 +690,8 @@ class PropertyNode(Node):
     )
     after: Annotated[Condition, Meaning.CONDITION] = Field(
         None,
-        description="a watch begins at each moment at which this holds and none is on, also right after one is over; "
-        "without it at the start, and with `until` at each start of a mission",
+        description="a watch begins at each moment at which this holds and none is on, also right after one "
+        "is over; without it at the start, and with `until` at each start of a mission",
     )
     until: Annotated[Condition, Meaning.CONDITION] = Field(
         None, description="the watch ends when this becomes true, until it begins again"
