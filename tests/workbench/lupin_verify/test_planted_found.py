@@ -119,10 +119,10 @@ def test_these_are_found_by_the_checker(
 
 
 def test_the_share_that_is_found() -> None:
-    """Not yet: of the hundred 86 are found. What is missed is named as it is planted."""
+    """Not yet: of the hundred 87 are found. What is missed is named as it is planted."""
     share = {one: 1 - len(MISSED[one]) / len(defects(one)) for one in SETS}
     found = {one: round(100 * part) for one, part in share.items()}
-    assert found == {"first": 96, "second": 76, "third": 80, "fourth": 100}
+    assert found == {"first": 96, "second": 78, "third": 80, "fourth": 100}
     assert all({*MISSED[one], *CHECKED[one]} <= {each.id for each in defects(one)} for one in SETS)
 
 

@@ -34,6 +34,24 @@ from tests import shipped
 from tests.workbench.lupin_verify.toys import LIFECYCLE, KeepingExplorer, two_holds
 
 ROOT = Path(__file__).parents[3]
+#: Driving is cut short by a half empty battery, whatever the server does; only a timeout ends the planning.
+LOOP = """\
+mission: Loop
+inputs:
+  charge: {value: robot.battery, levels: {half: {below: 50 %}}}
+initial: PLANNING
+states:
+  PLANNING:
+    invoke: {do: nav.localize, with: {max_variance: 0.25}, timeout: {after: 15 s, code: nav_timeout}}
+    on_done: FOLLOWING
+    on_error: done
+  FOLLOWING:
+    invoke: {do: nav.go_to, with: {pose: "${ home }"}, timeout: {after: 60 s, code: nav_timeout}}
+    on: {input.charge.half: PLANNING}
+    on_done: done
+    on_error: done
+  done: {type: final}
+"""
 
 
 def test_a_budget_that_runs_out_proves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,8 +135,18 @@ def test_inspection_is_proven() -> None:
     assert all(0.5 <= found / proof.progress.situations <= 2.0 for found in estimates), estimates
     assert proof.broken == []
     not_held = {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS}
-    # It has neither, and goes nowhere after a localization that failed.
-    assert not_held == {"invariants", "answers_lead_on", "drives_localized"}
+    # It has none of these, and goes nowhere after a localization that failed.
+    assert not_held == {"invariants", "answers_lead_on", "drives_localized", "divert_that_waits_comes"}
+
+
+def test_who_answers_does_not_wait_for_a_timeout(tmp_path: Path) -> None:
+    """A mission that only silence ends goes round for ever if servers answer."""
+    (tmp_path / "loop.yaml").write_text(LOOP, "utf-8")
+    chart = load_chart(
+        lifecycle_of(ROOT / "missions" / "inspection.yaml"), [tmp_path / "loop.yaml"], shipped.catalog()
+    )
+    proof = prove(make_world(chart, {}), Bounds(restarts=False))
+    assert "no_livelock" in {one.name for one in proof.broken}
 
 
 #: Mission -> its file, and the parameters that bound it.

@@ -89,6 +89,7 @@ class Graph:
         against: Mover = _NOBODY,
         values_change: bool = False,
         advances: bool = False,
+        answered: bool = False,
     ) -> _Mask:
         """Return the attractor of a goal: the situations from which helpful moves or waiting surely reach it.
 
@@ -103,27 +104,32 @@ class Graph:
             against: the movers, beside deadlines, that must not prevent it.
             values_change: whether live values take any value on the way.
             advances: whether a published outcome or report is a goal, too.
+            answered: whether servers answer in time: no operation ends by its timeout.
         """
         reached = goal.copy()
         advancing = self.does(Does.ADVANCES if advances else 0)
-        against |= Mover.TIMER
+        comes = ~self.of_timeouts() if answered else np.ones(len(self.sources), bool)
+        other = self.by(against | Mover.TIMER) & comes
+        waits = np.zeros(len(goal), bool)
+        waits[self.sources[self._certain & comes]] = True
         while True:
-            reached = self._attracted(reached, helpful, against, values_change, advancing)
-            may_stay = self._may_stay(~reached, self.by(against) & ~advancing)
+            reached = self._attracted(reached, helpful, other, waits, values_change, advancing)
+            may_stay = self._may_stay(~reached, other & ~advancing, waits)
             if (may_stay | reached).all():
                 return reached
             reached = ~may_stay
 
     def _attracted(
-        self, goal: _Mask, helpful: Mover, against: Mover, values_change: bool, advancing: _Mask
+        self, goal: _Mask, helpful: Mover, other: _Mask, waits: _Mask, values_change: bool, advancing: _Mask
     ) -> _Mask:
-        """Return the situations from which a helpful move, or every adverse one, leads on to the goal."""
+        """Return the situations from which a helpful move, or every adverse one, leads on to the goal.
+
+        `other` are the adverse transitions, `waits` the situations in which one of them comes by itself.
+        """
         reached = goal.copy()
-        other, helps = self.by(against), self.by(helpful)
+        helps = self.by(helpful)
         left = np.flatnonzero(other | helps)
         others = np.bincount(self.sources[other], minlength=len(goal))
-        waits = np.zeros(len(goal), bool)
-        waits[self.sources[self._certain]] = True
         of = np.where(reached, self._all, np.uint64(0))
         while True:
             new = reached[self.targets[left]] | advancing[left]
@@ -138,11 +144,10 @@ class Graph:
             left = left[~new]
             left = left[~reached[self.sources[left]]]
 
-    def _may_stay(self, outside: _Mask, against: _Mask) -> _Mask:
+    def _may_stay(self, outside: _Mask, against: _Mask, waits: _Mask) -> _Mask:
         """Return the situations outside of a goal from which adverse moves may avoid it for ever."""
         inside = against & outside[self.sources] & outside[self.targets]
-        stuck = outside.copy()
-        stuck[self.sources[self._certain]] = False
+        stuck = outside & ~waits
         return self.can_reach(stuck | self.on_fair_cycles(inside), inside)
 
     def of_timeouts(self) -> _Mask:
@@ -311,7 +316,7 @@ def _rests(graph: Graph) -> _Mask:
 
 
 def _livelock(graph: Graph) -> _Mask:
-    return ~graph.attractor(graph.situations(Is.REPORTED), Mover.ANSWER, advances=True)
+    return ~graph.attractor(graph.situations(Is.REPORTED), Mover.ANSWER, advances=True, answered=True)
 
 
 def _loops(graph: Graph) -> _Mask:
