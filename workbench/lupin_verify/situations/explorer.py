@@ -91,8 +91,8 @@ from lupin_verify.situations.worlds import (
     ranks_after,
 )
 
-#: The initial room for slots.
-ROOM = 128
+#: The initial room for slots, at least; and for each operation, because too little room begins it all anew.
+ROOM, ROOM_OF_INVOKE = 128, 4
 #: The property that no step raises an exception.
 NO_EXCEPTION = "no_exception"
 
@@ -134,9 +134,9 @@ class SituationExplorer:
         self.bounds = bounds
         self.relevance = Relevance(world.chart)
         self.classes = Classes(world, self.relevance, bounds.targets)
-        every = (invoke for _, invoke in invokes(world.chart))
+        every = [invoke for _, invoke in invokes(world.chart)]
         self._moving = {one.name for one in every if one.operation.on_hold is OnHold.CANCEL}
-        self._room = ROOM
+        self._room = max(ROOM, ROOM // 2 + ROOM_OF_INVOKE * len(every))
         #: Whether difference bounds of all deadlines are stored: fewer orders of them, more situations.
         self.differences = False
         self._begin()
