@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from lupin_engine.machine import NOTHING, PROPERTY_BROKEN, Event, Machine, Moment, Report, Step, View
 from lupin_engine.plugin import START, Channel, Fields, Publish, Wire
@@ -38,6 +38,8 @@ class StepPublisher:
         ros.lifeline = ros.node.resolve_topic_name(wire.state.name)
         self._messages = StateMessages(wire, _Now(ros, clock, loop))
         self.outcomes = OutcomePublisher(ros, wire, self._messages)
+        #: Takes each step with the view after it, for who runs the mission.
+        self.follower: Callable[[Step, View], None] | None = None
         #: The request that is being carried out, and who asked for it.
         self.origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         #: The properties that were broken since the last mission began, as troubles of the node.
@@ -103,6 +105,10 @@ class StepPublisher:
     def _record_step(self, step: Step, view: View) -> None:
         self._gate.after_step(step, view, self._loop.machine)
 
+    def _follow(self, step: Step, view: View) -> None:
+        if self.follower is not None:
+            self.follower(step, view)
+
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
         """Publish the state at once where it has changed."""
         fields = self._messages.news(view, moment)
@@ -123,6 +129,7 @@ _PARTS = (
     StepPublisher._publish_state,
     StepPublisher._publish_step,
     StepPublisher._record_step,
+    StepPublisher._follow,
 )
 
 
