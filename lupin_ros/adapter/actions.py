@@ -390,6 +390,11 @@ class ActionHost:
             result_timeout=RESULT_KEPT_S,
         )
 
+    @property
+    def is_serving(self) -> bool:
+        """Whether a goal is under way, or its result is still to be sent."""
+        return bool(self._served)
+
     def close(self) -> None:
         """Release the server. Closing twice does no harm."""
         if not self.closed:

@@ -24,9 +24,12 @@ from lupin_ros.service import messages
 from lupin_ros.service.commands import MAX_WORD, CommandAnswer, CommandRequest
 from lupin_ros.service.names import RUN_ACTION, RUN_TYPE
 
+#: How long the end of the node waits until the result of a goal is sent, in seconds.
+SENT_S = 1.0
+
 
 @dataclass
-class _Run:
+class _MissionGoal:
     """A goal whose mission is under way; `aborted` has the code and the words of the abort that ends it."""
 
     goal: ServedGoal
@@ -47,16 +50,16 @@ class MissionAction:
         self._gate = gate
         self._publisher = publisher
         self._requests = requests
-        self._run: _Run | None = None
+        self._run: _MissionGoal | None = None
         try:
             self._kind = interface_class(RUN_TYPE)
         except LupinError as problem:  # a workspace that was built before this type existed
             ros.log.error("no program can run missions as an action", problem=str(problem))
             return
-        host = ros.serve_action(
+        self._host = ros.serve_action(
             self._kind, RUN_ACTION, admit=lambda _: True, started=self._start, cancelled=lambda _: None
         )
-        host.refuses = self._refuses
+        self._host.refuses = self._refuses
         publisher.follower = self._stepped
 
     def close(self) -> None:
@@ -64,6 +67,7 @@ class MissionAction:
         if self._run is not None:
             detail = f"{self._ros.name} ends: its mission is held until somebody resumes it"
             self._end(self._run, self._run.goal.abort, RESTARTED, detail)
+            self._ros.work_until(lambda: not self._host.is_serving, SENT_S)
 
     # -- requests ---------------------------------------------------------------------------------------
 
@@ -76,7 +80,7 @@ class MissionAction:
         if not answer.accepted:
             goal.abort(self._kind.Result(code=answer.code, message=answer.message))
             return
-        self._run = _Run(goal, answer.mission_id)
+        self._run = _MissionGoal(goal, answer.mission_id)
         self._follow(self._run, self._loop.machine.view)
 
     def _refuses(self, goal: ServedGoal) -> bool:
@@ -101,7 +105,7 @@ class MissionAction:
             run.aborted = run.aborted or (code.code if code else "aborted", text)
         self._follow(run, view)
 
-    def _follow(self, run: _Run, view: View) -> None:
+    def _follow(self, run: _MissionGoal, view: View) -> None:
         """Publish what has changed; end the goal of a mission that is over."""
         profile = self._loop.chart.profile
         counts = [{"outcome": each.name, "count": view.counts.get(each.name, 0)} for each in profile.outcomes]
@@ -124,7 +128,7 @@ class MissionAction:
         elif view.lifecycle in profile.stages.without_mission:
             self._over(run, view)
 
-    def _over(self, run: _Run, view: View) -> None:
+    def _over(self, run: _MissionGoal, view: View) -> None:
         """End the goal of a mission that came to its end, or was aborted: by its program, or by others."""
         if run.aborted is None:
             said = ", ".join(f"{count} {outcome}" for outcome, count in view.counts.items() if count)
@@ -132,7 +136,7 @@ class MissionAction:
         else:
             self._end(run, run.goal.cancel if run.is_cancelled else run.goal.abort, *run.aborted)
 
-    def _end(self, run: _Run, end: Callable[[Any], None], code: str, message: str) -> None:
+    def _end(self, run: _MissionGoal, end: Callable[[Any], None], code: str, message: str) -> None:
         """End a goal, when what its result says is flushed."""
         self._run = None
         is_good = self._loop.chart.profile.is_good

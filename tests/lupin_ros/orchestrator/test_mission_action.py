@@ -57,6 +57,14 @@ class Program:
         status, self.result = self.ends.pop(0)
         return status, self.result.code, self.result.message
 
+    def drive(self, *tags: str) -> Goal:
+        """Send a goal whose first drive does not end by itself; return it when the robot drives."""
+        self._operator.hit(1, "stall")
+        goal = self.send(*tags)
+        self._operator.in_state("INSPECTING", "NAVIGATING")
+        self._operator.struck()
+        return goal
+
     def run(self, *tags: str, **fields: Any) -> tuple[int, str, str]:
         """Send a goal and wait for its end."""
         self.send(*tags, **fields)
@@ -95,10 +103,7 @@ def test_the_program_of_the_page_runs_a_mission(world: World, operator: Operator
 
 def test_feedback_and_result_tell_of_every_target(program: Program, operator: Operator) -> None:
     """The counts grow, the second target is skipped by a person; the reason stands in the result."""
-    operator.hit(1, "stall")
-    program.send("1", "5")
-    operator.in_state("INSPECTING", "NAVIGATING")
-    operator.struck()
+    program.drive("1", "5")
     operator.ask("skip_current")
     assert program.ended() == (SUCCEEDED, "", "DONE: 1 OK, 1 SKIPPED")
     told = [(each.target, each.outcome, each.good, each.code) for each in program.result.outcomes]
@@ -129,9 +134,7 @@ def test_a_refused_goal_has_the_sentence_of_the_engine(program: Program, operato
     assert (status, code) == (ABORTED, "stale")
     assert re.fullmatch(r"refused: the goal is 6\d\.\d s old, or the clocks .* disagree", message)
     assert operator.state.lifecycle_state == "READY"
-    operator.hit(1, "stall")
-    program.send("1")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    program.drive("1")
     refused = "start refused: a mission is already running"
     assert program.run("5") == (ABORTED, "mission_running", refused)
     assert operator.state.lifecycle_state == "INSPECTING"
@@ -139,16 +142,13 @@ def test_a_refused_goal_has_the_sentence_of_the_engine(program: Program, operato
 
 def test_a_cancel_aborts_and_an_abort_of_others_is_told(program: Program, operator: Operator) -> None:
     """The goal ends when the robot is home; a mission that was begun by others has no goal."""
-    operator.hit(2, "stall")
-    goal = program.send("1", "5")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    goal = program.drive("1", "5")
     goal.cancel()
     assert program.ended() == (CANCELED, "mission_aborted", "mission aborted by planner")
     assert operator.state.lifecycle_state == "DONE"
     assert {each.code for each in program.result.outcomes} == {"mission_aborted"}
 
-    program.send("1")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    program.drive("1")
     command = Command.Request(verb="abort", by="ann@desk")
     assert operator.call(Command, COMMAND_SERVICE, command).accepted
     assert program.ended() == (ABORTED, "mission_aborted", "mission aborted by ann@desk")
@@ -172,9 +172,7 @@ def test_a_goal_and_its_cancel_release_no_hold(program: Program, operator: Opera
     assert operator.state.lifecycle_state == "READY"
     assert operator.ask("resume").success
 
-    operator.hit(1, "stall")
-    goal = program.send("1")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    goal = program.drive("1")
     assert operator.ask("pause").success
     operator.held()
     goal.cancel()
@@ -188,9 +186,7 @@ def test_a_killed_orchestrator_loses_the_goal_and_holds_the_mission(
     program: Program, world: World, operator: Operator
 ) -> None:
     """A new goal is refused until a person has ended the mission; one that ends in order says so."""
-    operator.hit(1, "stall")
-    program.send("1", "5")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    program.drive("1", "5")
     process = world.processes["mission_orchestrator"]
     process.send_signal(signal.SIGKILL)
     process.wait(10.0)
@@ -203,9 +199,7 @@ def test_a_killed_orchestrator_loses_the_goal_and_holds_the_mission(
     operator.resume()
     operator.in_state("DONE")
 
-    operator.hit(1, "stall")
-    program.send("1")
-    operator.in_state("INSPECTING", "NAVIGATING")
+    program.drive("1")
     process.send_signal(signal.SIGINT)
     text = "mission_orchestrator ends: its mission is held until somebody resumes it"
     assert program.ended() == (ABORTED, "restarted", text)
