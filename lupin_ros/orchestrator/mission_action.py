@@ -6,6 +6,8 @@ has no goal. A refused goal is aborted at once, with the refusal in its result: 
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -14,6 +16,7 @@ from typing import Any
 from lupin_engine.errors import LupinError
 from lupin_engine.machine import Step, View
 from lupin_engine.plugin import RESTARTED, START_VERB, Fields, classify
+from lupin_ros.adapter.actions import RESULT_KEPT_S
 from lupin_ros.adapter.node import RosNode, ServedGoal
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.orchestrator.journal_gate import JournalGate
@@ -26,6 +29,8 @@ from lupin_ros.service.names import RUN_ACTION, RUN_TYPE
 
 #: How long the end of the node waits until the result of a goal is sent, in seconds.
 SENT_S = 1.0
+#: How many goals are taken while the result of the first is kept: each is in every message about goals.
+MOST_GOALS = 100
 
 
 @dataclass
@@ -56,8 +61,10 @@ class MissionAction:
         except LupinError as problem:  # a workspace that was built before this type existed
             ros.log.error("no program can run missions as an action", problem=str(problem))
             return
+        #: When the last goals were taken, of the monotonic clock.
+        self._taken: deque[float] = deque(maxlen=MOST_GOALS)
         self._host = ros.serve_action(
-            self._kind, RUN_ACTION, admit=lambda _: True, started=self._start, cancelled=lambda _: None
+            self._kind, RUN_ACTION, admit=self._admit, started=self._start, cancelled=lambda _: None
         )
         self._host.refuses = self._refuses
         publisher.follower = self._stepped
@@ -70,6 +77,14 @@ class MissionAction:
             self._ros.work_until(lambda: not self._host.is_serving, SENT_S)
 
     # -- requests ---------------------------------------------------------------------------------------
+
+    def _admit(self, _: Any) -> bool:
+        now = time.monotonic()
+        if len(self._taken) == MOST_GOALS and now - self._taken[0] < RESULT_KEPT_S:
+            self._ros.log.warning(f"goal rejected: {MOST_GOALS} came within {RESULT_KEPT_S} s")
+            return False
+        self._taken.append(now)
+        return True
 
     def _start(self, goal: ServedGoal) -> None:
         asked, stamp = goal.request, goal.request.stamp

@@ -35,9 +35,6 @@ from lupin_ros.service import commands, messages
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE
 
-#: The code of a request that a node refuses because of its lifecycle state.
-INACTIVE = "inactive"
-
 
 class RequestServer:
     """Serves the requests of the profile, the answers of the missions, and the service for all of them."""
@@ -199,7 +196,7 @@ class RequestServer:
         """Return why a node that is not active refuses a request: it takes only what stops the robot."""
         if not self._ros.inactive or self._counts_however_late(event.name):
             return None
-        return Refusal(INACTIVE, f"{_verb(event)} refused: {self._ros.inactive}")
+        return Refusal(commands.INACTIVE, f"{_verb(event)} refused: {self._ros.inactive}")
 
     # -- of programs ------------------------------------------------------------------------------------
 

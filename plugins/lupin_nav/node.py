@@ -86,7 +86,8 @@ class NavWatchdog:
     def _what_moves(self) -> str:
         if self._mission_drives:
             return "a mission drives: pause it first"
-        return f"{self._action} has a goal: cancel it first" if self._driving else ""
+        served = self._ros.node.count_publishers(f"{self._action}/_action/status")
+        return f"{self._action} has a goal: cancel it first" if self._driving and served else ""
 
     def _on_mission(self, message: MissionState) -> None:
         is_one = is_under_way(message.lifecycle_state)

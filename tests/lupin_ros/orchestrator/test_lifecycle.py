@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 from collections.abc import Sequence
 from typing import Any
@@ -11,13 +12,15 @@ from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition, TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from nav2_msgs.action import NavigateToPose
-from std_msgs.msg import Bool
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
 
 from lupin_engine_msgs.srv import Command
 from lupin_greenhouse import PAGES_TOPIC
 from lupin_msgs.srv import ConfirmTag, GetField, GetTagReading, SetArmPreset
 from lupin_ros.adapter.node import GoalCallbacks, Qos
-from lupin_ros.service.names import COMMAND_SERVICE
+from lupin_ros.service.names import COMMAND_SERVICE, POSSIBLE_TOPIC
 from tests.lupin_ros.system.safety.matrix.page import Page
 from tests.lupin_ros.world import Operator, World
 
@@ -140,6 +143,13 @@ def test_a_deactivated_orchestrator_holds_its_mission(world: World, manager: Man
     manager.in_state("READY")
     assert manager.start("1", "5").accepted
     manager.in_state("INSPECTING", "NAVIGATING")
+    records: list[dict[str, Any]] = []
+
+    def foreseen(verb: str) -> list[tuple[bool, str, str]]:
+        asked = [one for one in records[-1]["requests"] if one["request"] == f"operator.{verb}"]
+        return [(one["possible"], one["code"], one["reason"]) for one in asked]
+
+    manager.ros.subscribe(String, POSSIBLE_TOPIC, Qos.LATCHED, lambda m: records.append(json.loads(m.data)))
     assert manager.change(ORCHESTRATOR, DEACTIVATE) == (True, "inactive")
     manager.held()
     told = f"restarted: {ORCHESTRATOR} was deactivated: activate it, then resume"
@@ -147,6 +157,8 @@ def test_a_deactivated_orchestrator_holds_its_mission(world: World, manager: Man
     for verb in ("resume", "abort", "dock", "skip_current"):
         text = f"{verb} refused: {ORCHESTRATOR} is inactive: activate it first"
         assert manager.command(verb) == (False, "inactive", text)
+        manager.until(lambda v=verb: foreseen(v), "what can be asked")
+        assert foreseen(verb)[-1] == (False, "inactive", text)  # what buttons show
     assert manager.command("pause")[0]
     assert manager.change(ORCHESTRATOR, CLEANUP) == (True, "unconfigured")
     manager.all((ORCHESTRATOR,), CONFIGURE, "inactive")
@@ -156,6 +168,33 @@ def test_a_deactivated_orchestrator_holds_its_mission(world: World, manager: Man
     assert all(state.paused for state in manager.states[seen:])
     assert manager.command("resume")[0]
     manager.until_done(published=2)
+
+
+def test_a_deactivated_arm_stops_where_it_is(world: World, manager: Manager) -> None:
+    """In the midst of a motion; it is not moved again before it is active, and goes on by a request only."""
+    world.start("lupin_arm_sim")
+    world.start("lupin_arm", preset_duration=6.0)
+    joints: list[JointState] = []
+    manager.ros.subscribe(JointState, "/joint_states", Qos.DETECTION, joints.append)
+    manager.until(lambda: joints, "the joints")
+
+    def went(since: int) -> float:
+        both = zip(joints[since].position, joints[-1].position, strict=True)
+        return max(abs(one - other) for one, other in both)
+
+    tuck = SetArmPreset.Request(name="tuck")
+    manager.until(lambda: manager.call(SetArmPreset, "/lupin/arm/preset", tuck).success, "the preset")
+    manager.until(lambda: went(0) > 0.1, "a motion")
+    assert manager.change("lupin_arm", DEACTIVATE) == (True, "inactive")
+    seen = len(joints) + 8
+    manager.until(lambda: len(joints) > seen + 10, "a second")
+    assert went(seen) < 0.02
+    assert not manager.call(SetArmPreset, "/lupin/arm/preset", tuck).success
+    assert manager.call(Trigger, "/lupin/arm/library/stop", Trigger.Request()).success
+    assert manager.change("lupin_arm", ACTIVATE) == (True, "active")
+    assert went(seen) < 0.02
+    assert manager.call(SetArmPreset, "/lupin/arm/preset", tuck).success
+    manager.until(lambda: went(seen) > 0.1, "a motion again")
 
 
 @pytest.mark.core

@@ -17,6 +17,7 @@ from action_msgs.msg import GoalStatus
 from lupin_engine_msgs.action import RunMission
 from lupin_engine_msgs.srv import Command
 from lupin_ros.adapter.node import Goal, GoalCallbacks
+from lupin_ros.orchestrator.mission_action import MOST_GOALS
 from lupin_ros.service.names import COMMAND_SERVICE, RUN_ACTION
 from tests.lupin_ros.world import Operator, World
 
@@ -39,6 +40,7 @@ class Program:
         self.feedback: list[RunMission.Feedback] = []
         self.ends: list[tuple[int, RunMission.Result]] = []
         self.refused: list[bool] = []
+        self.rejected: list[bool] = []
         operator.until(self._client.ready, RUN_ACTION)
 
     def send(self, *tags: str, mission: str = "InspectionMission", **fields: Any) -> Goal:
@@ -48,6 +50,7 @@ class Program:
             feedback=self.feedback.append,
             ended=lambda status, result: self.ends.append((status, result)),
             refused=lambda: self.refused.append(True),
+            rejected=lambda: self.rejected.append(True),
         )
         return self._client.send(RunMission.Goal(mission=mission, **given), reports)
 
@@ -138,6 +141,17 @@ def test_a_refused_goal_has_the_sentence_of_the_engine(program: Program, operato
     refused = "start refused: a mission is already running"
     assert program.run("5") == (ABORTED, "mission_running", refused)
     assert operator.state.lifecycle_state == "INSPECTING"
+
+
+def test_a_flood_of_goals_is_rejected(program: Program, operator: Operator, world: World) -> None:
+    """Each goal that is taken is in every message about goals, for as long as its result is kept."""
+    for _ in range(MOST_GOALS + 20):
+        program.send("77")
+    operator.until(lambda: len(program.ends) + len(program.rejected) == MOST_GOALS + 20, "all answers")
+    assert len(program.rejected) == 20
+    assert {result.code for _, result in program.ends} == {"unknown_tag"}
+    assert f"goal rejected: {MOST_GOALS} came within 120 s" in world.log("mission_orchestrator").read_text()
+    assert operator.start("1").accepted
 
 
 def test_a_cancel_aborts_and_an_abort_of_others_is_told(program: Program, operator: Operator) -> None:
