@@ -194,6 +194,12 @@ stable. Then each cancelled operation whose state is still active begins again, 
 says. Requests are answered at once also during a hold: a transition with `during` or `releases` is taken,
 all others are refused.
 
+**Diverts.** A *divert* is a transition of the lifecycle out of the mission: an abort, a request to dock, a
+low battery. A state with `before_divert` lets it wait until the state is left, or its time is over. The
+operator is told so (`divert_waits`). Its actions and its code come when it is taken. A request takes the
+place of the divert that waits. Holds stop the robot at once, also here; an error and an event of a plugin
+lead out at once. The next such state lets the divert wait on: its time begins when it is entered.
+
 **Missions.** A mission begins when its request is accepted. Its variables and those of its parts have their
 defaults. Its itineraries, budgets and history are new, and its `entry` runs. A return by history, as from
 the dock, begins nothing. Variables of the lifecycle keep their values from mission to mission. While an
@@ -381,9 +387,9 @@ ROOT_TEXTS: Mapping[str, str] = {
     "('' for none) and `.because` of which code; the holds that it `.released`; the operations that it has "
     "`.begun`, and whose end it took as `.succeeded` or `.failed`; those that it has `.given_up`: "
     "they failed, or their state was left before they succeeded; those that it has `.bypassed`: their "
-    "success leads to a state that was entered from elsewhere; the `.codes` that it reports; whether "
-    "something is `.moving` after it, and whether the robot shows that it is `.waiting`: held, paused, "
-    "asking, or without a mission",
+    "success leads to a state that was entered from elsewhere; the `.codes` that it reports; the `.divert` "
+    "that waits ('' for none); whether something is `.moving` after it, and whether the robot shows that it "
+    "is `.waiting`: held, paused, asking, or without a mission",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
     "`.total`, `.closed`, `.sweep` (1 in the first)",
 }

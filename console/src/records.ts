@@ -188,6 +188,8 @@ export interface CommandOrigin {
 /**
  * The dry run of one request: the holds that it engages and releases, or why it is refused.
  *
+ * `code` and `reason` of a possible one say that its effect waits until a state is left.
+ *
  * `fields`: a start is refused only because of its request's defaults, so other fields may be accepted.
  */
 export interface PossibleRecord {

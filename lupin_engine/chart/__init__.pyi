@@ -14,6 +14,7 @@ from .compose.tree import Forest as Forest
 from .compose.tree import UsedNode as UsedNode
 from .documents import KINDS as KINDS
 from .documents import ActionNode as ActionNode
+from .documents import BeforeDivertNode as BeforeDivertNode
 from .documents import FileNode as FileNode
 from .documents import IfNode as IfNode
 from .documents import InvariantNode as InvariantNode
@@ -73,6 +74,7 @@ from .records import DECIDING as DECIDING
 from .records import Role as Role
 from .records import parts_of as parts_of
 from .records import walk as walk
+from .semantics import DIVERT as DIVERT
 from .semantics import FAULT as FAULT
 from .semantics import MIN_PERIOD as MIN_PERIOD
 from .semantics import TIMERS as TIMERS

@@ -304,6 +304,25 @@ class BudgetNode(Node):
     do: Actions = _many("actions, in order")
 
 
+class BeforeDivertNode(Node):
+    """How a state is finished, or left in order, before a divert leaves it."""
+
+    SHAPE = "a duration, or {leave_by: STATE, within: DURATION}"
+    LINE = "before_divert: {leave_by: STATE, within: 60 s}"
+
+    within: Annotated[Written, Meaning.VALUE] = Field(
+        description="how long a divert waits at most, a duration, from the entry of this state or of that in "
+        "`leave_by`"
+    )
+    leave_by: Annotated[str | None, Meaning.STATE] = Field(
+        None, description="child to go to when a divert waits; without it the state is finished"
+    )
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return data if isinstance(data, Map) else {"within": data}
+
+
 class ChoiceNode(Node):
     """An answer that a person may give."""
 
@@ -403,6 +422,9 @@ class StateNode(Node):
         alias="at",
     )
     budget: BudgetNode | None = Field(None, description="time that this state has in one mission")
+    before_divert: BeforeDivertNode | None = Field(
+        None, description="a divert of the lifecycle waits until this state is left, within a time"
+    )
     for_each: ForEachNode | None = Field(None, description="one operation for every element of a list")
     itinerary: ItineraryNode | None = Field(None, description="the list that this state walks")
     ask: AskNode | None = Field(None, description="question to the operator")

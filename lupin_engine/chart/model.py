@@ -66,6 +66,9 @@ class Transition:
     `input.` stand for a level: the transition is taken whenever that live value is true. No target and no
     refusal: actions only. A `refuse` transition answers a request with that code, and the `value` that it is
     about, and changes nothing.
+
+    `derived` ones are not written: they come from a `before_divert`. `written` is the guard of the file where
+    that adds to it.
     """
 
     KEY: ClassVar[str] = "id"
@@ -84,6 +87,8 @@ class Transition:
     internal: bool = field(default=False, metadata=said(Role.PLAIN, "internal"))
     detail: Value | None = field(default=None, metadata=said(Role.CARRIED, "detail"))
     value: Value | None = field(default=None, metadata=said(Role.CARRIED, "value"))
+    derived: bool = False
+    written: Condition | None = None
 
 
 @record(frozen=True)
@@ -250,6 +255,18 @@ class UsedMission:
     exit: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "exit"))
 
 
+@record(frozen=True)
+class BeforeDivert:
+    """How a state is left in order: a divert waits up to `within` seconds, and the chart goes to `leave_by`.
+
+    It becomes transitions, see `compose.diverts`; this is for displays.
+    """
+
+    within: Value
+    leave_by: str | None
+    place: Place
+
+
 class Kind(enum.Enum):
     """The kinds of states, as in SCXML."""
 
@@ -287,6 +304,7 @@ class State:
     transitions: tuple[Transition, ...] = field(default=(), metadata=said(Role.INSIDE))
     timers: tuple[Timer, ...] = field(default=(), metadata=said(Role.INSIDE))
     budget: Timer | None = field(default=None, metadata=said(Role.INSIDE, "budget.after"))
+    before_divert: BeforeDivert | None = None
     invoke: Invoke | None = field(default=None, metadata=said(Role.INSIDE, "invoke"))
     for_each: ForEach | None = field(default=None, metadata=said(Role.INSIDE, "for_each"))
     itinerary: Itinerary | None = field(default=None, metadata=said(Role.INSIDE, "itinerary"))

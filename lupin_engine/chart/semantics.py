@@ -27,6 +27,8 @@ TIMERS = ("after.", "every.", "at.")
 #: First words of the events that the engine makes for one state.
 ENGINE_EVENTS = frozenset({"done", "error", "after", "every", "at", "budget"})
 
+#: The variables of a chart with a `before_divert`: the divert that waits, and whether it waits no longer.
+DIVERT, DIVERT_DUE = "divert", "divert_due"
 #: First words of what people ask for.
 REQUESTS = frozenset({"operator", "answer", "mission"})
 

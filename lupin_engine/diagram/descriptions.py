@@ -18,7 +18,7 @@ from lupin_engine.chart.model import (
     Transition,
     UsedMission,
 )
-from lupin_engine.chart.semantics import TIMERS
+from lupin_engine.chart.semantics import DIVERT, DIVERT_DUE, TIMERS
 from lupin_engine.diagram.picture import Label, LineRole, TextLine, TransitionCause
 from lupin_engine.plugin.types import in_unit
 
@@ -29,6 +29,8 @@ _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest":
 #: Units of long durations, and the shortest one, in seconds, that is shown in each.
 _LONG = {"h": 3600.0, "min": 120.0}
 _PREFIXES = ("operator.", "mission.", "answer.")
+#: Variables that no file names: what sets them comes from a `before_divert`.
+_DERIVED = frozenset({DIVERT, DIVERT_DUE})
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue)
 
 
@@ -41,7 +43,8 @@ class ElementTexts:
 
     def label(self, rule: Transition) -> Label:
         """Return the label of a transition."""
-        guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
+        condition = rule.guard if rule.written is None else rule.written
+        guard = f"[{_cut(condition.source)}]" if condition else ""
         event = self._event(rule) or ("" if guard else "always")
         actions = ", ".join(filter(None, (f"code {rule.code}" if rule.code else "", _actions(rule.actions))))
         return Label(event, _cause(rule.event), guard, actions, frozenset({rule.id}))
@@ -50,6 +53,10 @@ class ElementTexts:
         """Yield the lines of a state, without its transitions."""
         if state.use is not None:
             yield TextLine(_cut(self._use(state.use)), LineRole.NOTE)
+        if state.before_divert is not None:
+            first, within = state.before_divert.leave_by, self.duration(state.before_divert.within)
+            way = f" {self._states[first].local_name}," if first else ""
+            yield TextLine(f"before a divert:{way} within {within}", LineRole.NOTE)
         if state.itinerary is not None:
             yield from (TextLine(text, LineRole.NOTE) for text in self._itinerary(state.itinerary))
         if state.for_each is not None:
@@ -159,12 +166,12 @@ def _cause(event: str) -> TransitionCause:
 
 def _doings(*doings: tuple[str, Iterable[ActionCall]]) -> Iterator[TextLine]:
     for word, actions in doings:
-        if actions:
-            yield TextLine(f"{word} / {_actions(actions)}", LineRole.ACTION)
+        if text := _actions(actions):
+            yield TextLine(f"{word} / {text}", LineRole.ACTION)
 
 
 def _actions(actions: Iterable[ActionCall]) -> str:
-    return _cut(", ".join(_action(action) for action in actions))
+    return _cut(", ".join(_action(action) for action in actions if not action.arguments.keys() & _DERIVED))
 
 
 def _action(action: ActionCall) -> str:

@@ -164,6 +164,8 @@ class _Outliner:
         """Yield the transitions of a state that have no arrow."""
         for rule in (*state.transitions, *state.resume_at):
             target = rule.target
+            if rule.derived:
+                continue
             if target is None and rule.actions:
                 yield TextLine("", LineRole.WAY, self._words.label(rule))
             elif target is not None and not self._has_arrow(self._end(rule.source), self._end(target)):
@@ -193,7 +195,7 @@ class _Outliner:
             if state.kind is Kind.HISTORY and state.initial is not None:
                 yield state.name, state.initial, None
             for rule in state.transitions:
-                if rule.target is not None:
+                if rule.target is not None and not rule.derived:
                     yield self._end(rule.source), self._end(rule.target), rule
 
     def _arrows(self) -> Iterator[Arrow]:

@@ -33,7 +33,7 @@ from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.builtin import DEFAULT_MAX_TARGETS, MAX_TARGETS
-from lupin_engine.plugin.contract import INVARIANT_CODE, REFUSED_CODE, OnHold, classify
+from lupin_engine.plugin.contract import DIVERT_CODE, INVARIANT_CODE, REFUSED_CODE, OnHold, classify
 from lupin_engine.plugin.describe import number_text, value_text
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import ANY, Type, convert, converted, fitted, innermost, problems
@@ -459,7 +459,8 @@ class Possibility:
 
     For the level of an input, `level` says whether it is true. `taken` are the transitions that the event
     would take, `engages` and `releases` the holds. `refusal` says why a request would be refused.
-    `considered` are the transitions that listen to the event, each with the reason against it.
+    `considered` are the transitions that listen to the event, each with the reason against it. `waits` says
+    that a divert waits until the states are left that are finished first.
     """
 
     event: str
@@ -470,6 +471,7 @@ class Possibility:
     refusal: Refusal | None = None
     considered: tuple[Considered, ...] = ()
     level: bool | None = None
+    waits: str = ""
 
     def __str__(self) -> str:
         if self.refusal is not None:
@@ -479,7 +481,7 @@ class Possibility:
         if not self.possible:
             return f"{self.event}: " + ("; ".join(map(str, self.considered)) or "nobody listens to it here")
         holds = [f"engages {name}" for name in self.engages] + [f"releases {name}" for name in self.releases]
-        return f"{self.event}: {', '.join((*self.taken, *holds))}"
+        return f"{self.event}: {', '.join(filter(None, (*self.taken, *holds, self.waits)))}"
 
 
 class Explainer:
@@ -528,7 +530,9 @@ class Explainer:
             return Possibility(event.name, possible=False, refusal=found.refusal)
         taken = tuple(rule.id for rule in found.rules)
         releases = tuple(hold for hold in self._scope.memory.held if hold in found.releases)
-        return Possibility(event.name, True, taken, found.engages, releases)
+        is_put_off = any(rule.code == DIVERT_CODE for rule in found.rules)
+        waits = classify(DIVERT_CODE, self._scope.chart.codes).label if is_put_off else ""
+        return Possibility(event.name, True, taken, found.engages, releases, waits=waits)
 
     def _request(self, name: str, now: float) -> Possibility:
         found = self.request(Event(name), now, skip_fields=True)

@@ -50,6 +50,8 @@ RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
 UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
 #: The code of a server that refuses to end what it does.
 REFUSED_CODE = "cancel_refused"
+#: The code of a divert that waits until the state is finished, or left in order.
+DIVERT_CODE = "divert_waits"
 #: The engine's own holds, each with its code: they are in every chart.
 RESTARTED, UNRECORDED, BREACHED = "restarted", "unrecorded", "breached"
 OWN_HOLDS: Mapping[str, str] = {
@@ -102,6 +104,7 @@ ENGINE_CODES: Mapping[str, Code] = {
             "the journal cannot be written",
             advice="Make room on its disk, or make its folder writable, then resume; it can be ended now.",
         ),
+        Code(DIVERT_CODE, "what has begun is finished first", Severity.INFO, "Wait until it is finished."),
         Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
         Code(
             REFUSED_CODE,

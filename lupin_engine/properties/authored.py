@@ -17,6 +17,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Constant, Environment, Expression
 from lupin_engine.chart.model import Chart, Kind, TemporalProperty
+from lupin_engine.chart.semantics import DIVERT
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.timers import seconds
@@ -208,6 +209,7 @@ _OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
     "given_up": _given_up,
     "bypassed": bypassed,
     "codes": lambda one: [code.code for code in one.step.codes],
+    "divert": lambda one: one.scope.memory.context.get(DIVERT, ""),
     "moving": is_moving,
     "waiting": is_waiting,
     "was_in": lambda one: lambda names: any(name in one.before.configuration for name in names),

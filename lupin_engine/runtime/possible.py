@@ -17,6 +17,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import CONFIGURATION, HELD, Reads, Watch
 from lupin_engine.machine.structure import dispatch_table
+from lupin_engine.plugin.contract import DIVERT_CODE
 from lupin_engine.plugin.profile import ANSWER_VERB, START, START_VERB
 
 
@@ -31,6 +32,8 @@ class PossibleRequest:
 
 class PossibleRecord(TypedDict):
     """The dry run of one request: the holds that it engages and releases, or why it is refused.
+
+    `code` and `reason` of a possible one say that its effect waits until a state is left.
 
     `fields`: a start is refused only because of its request's defaults, so other fields may be accepted.
     """
@@ -106,8 +109,8 @@ class RequestPreview:
             "possible": found.possible,
             "engages": list(found.engages),
             "releases": list(found.releases),
-            "code": found.refusal.code if found.refusal else "",
-            "reason": found.refusal.text if found.refusal else "",
+            "code": found.refusal.code if found.refusal else DIVERT_CODE if found.waits else "",
+            "reason": found.refusal.text if found.refusal else found.waits,
             "fields": is_start
             and not found.possible
             and self._machine.dry_run(request.event, now, skip_fields=True).possible,

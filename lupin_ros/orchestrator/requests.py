@@ -102,13 +102,7 @@ class RequestServer:
 
         def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
             def act() -> None:
-                found = self._commands.once(
-                    way.asked(request),
-                    self._loop.chart,
-                    time.monotonic(),
-                    lambda asked: self._carry_out(asked, way.event(request)),
-                )
-                written = way.write(response, found)
+                written = way.write(response, self._once(way, request))
                 try:
                     self._gate.when_flushed(lambda: answer(written))
                 except Exception:
@@ -125,6 +119,25 @@ class RequestServer:
             refuse=lambda response, reason: way.write(response, CommandAnswer(False, STALE, reason)),
             in_every_state=True,
         )
+
+    def _once(self, way: _Way, request: Any) -> CommandAnswer:
+        """Carry out a request unless its id is known; where that memory fails, only what stops the robot."""
+        answers: list[CommandAnswer] = []
+
+        def carry_out(asked: CommandRequest) -> CommandAnswer:
+            answers.append(self._carry_out(asked, way.event(request)))
+            return answers[0]
+
+        asked = way.asked(request)
+        try:
+            return self._commands.once(asked, self._loop.chart, time.monotonic(), carry_out)
+        except Exception as problem:
+            self._ros.log.exception("the memory of commands failed", service=way.name)
+            event = commands.event_name(asked.verb, self._loop.chart) or ""
+            if not answers and commands.counts_however_late(event, self._loop.chart):
+                carry_out(asked)
+            why = f"{asked.verb} refused: {type(problem).__name__}: {problem}"
+            return answers[0] if answers else CommandAnswer(False, EXECUTION_CODE, why)
 
     def _too_old(self, asked: CommandRequest, sent: float) -> float | None:
         """Return the age of a request that is too old; None where it must be carried out.
@@ -187,7 +200,8 @@ class RequestServer:
             return commands.refused(event)
         step = self.ask(event, asked.origin)
         answer = commands.answered(asked, step)
-        return replace(answer, message=answer.message + self._missions.why_unknown(step))
+        more = self._ros.guarded(partial(self._missions.why_unknown, step))() or ""
+        return replace(answer, message=answer.message + more)
 
     def _new_mission_id(self) -> str:
         return f"{self._prefix}-{uuid.uuid4().hex[:8]}"

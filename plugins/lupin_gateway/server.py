@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gzip
 import math
 import os
 import socket
@@ -16,6 +17,8 @@ import time
 import zlib
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
+from http import HTTPStatus
 from pathlib import Path
 
 import uvicorn
@@ -48,6 +51,9 @@ from lupin_gateway.stop import PUBLISH_HZ
 
 #: The files that are served: the console, as console/build.mjs makes it.
 PAGES = Path(__file__).with_name("pages")
+_PAGE = "index.html"
+#: What of it is packed; the rest is small.
+_PACKED = (".js", ".css", ".html")
 #: What a page may load, and from where: only what this gateway serves.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -110,16 +116,44 @@ def _listening(host: str, port: int) -> GateListener:
 
 
 class _ConsoleFiles(StaticFiles):
-    """Static files of the console; browsers revalidate them each time."""
+    """Static files of the console, packed once: its page names each with a hash, and browsers keep that.
+
+    Whatever is asked for without the hash is revalidated each time.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(directory=PAGES, html=True)
+        self._contents = {file.name: file.read_bytes() for file in PAGES.iterdir() if file.suffix in _PACKED}
+        self._hashes = {name: sha256(each).hexdigest()[:12] for name, each in self._contents.items()}
+        for name, found in self._hashes.items():
+            named = f'"{name}"'.encode(), f'"{name}?{found}"'.encode()
+            self._contents[_PAGE] = self._contents[_PAGE].replace(*named)
+        self._packed = {name: gzip.compress(each, mtime=0) for name, each in self._contents.items()}
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Return a file with the security headers and the cookie by which the browser is known."""
-        response = await super().get_response(path, scope)
-        _, known = browser_of(Headers(scope=scope), secure=scope["scheme"] == "https")
+        response, given = await super().get_response(path, scope), Headers(scope=scope)
+        name = _PAGE if path in (".", "") else path
+        is_named = scope["query_string"].decode("latin-1") == self._hashes.get(name)
+        if response.status_code == HTTPStatus.OK and name in self._contents:
+            response = self._packed_one(name, response, "gzip" in given.get("accept-encoding", ""))
+        _, known = browser_of(given, secure=scope["scheme"] == "https")
         response.raw_headers.extend(known)
+        kept = "max-age=31536000, immutable" if is_named else "no-cache"
         response.headers.update(
-            {**SECURITY_HEADERS, "content-security-policy": POLICY, "cache-control": "no-cache"}
+            {**SECURITY_HEADERS, "content-security-policy": POLICY, "cache-control": kept}
         )
+        return response
+
+    def _packed_one(self, name: str, found: Response, packed: bool) -> Response:
+        """Return the content of a file that was found, packed if the browser reads that."""
+        content = self._packed[name] if packed else self._contents[name]
+        response = Response(content, media_type=found.media_type)
+        if name != _PAGE:  # that is another one whenever one of its files is
+            response.headers.update({key: found.headers[key] for key in ("etag", "last-modified")})
+        response.headers["vary"] = "Accept-Encoding"
+        if packed:
+            response.headers["content-encoding"] = "gzip"
         return response
 
 
@@ -154,7 +188,7 @@ class Gateway:
             WebSocketRoute("/", self._connect),
             Route("/status", self._status),
             Route("/history", self._history),
-            Mount("/", _ConsoleFiles(directory=PAGES, html=True)),
+            Mount("/", _ConsoleFiles()),
         ]
         return self._watched(AuthMiddleware(Starlette(routes=routes), self.rules, self.gate))
 

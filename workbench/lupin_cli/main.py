@@ -214,6 +214,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+def run_node() -> int:
+    """Run the node that this command is called after: what `ros2 run` and launch files start."""
+    return main(["node", os.path.basename(sys.argv[0]), *sys.argv[1:]])
+
+
 def _open_streams() -> None:
     """Open missing standard streams to /dev/null: the caller may have closed some (`<&-`)."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):

@@ -19,6 +19,7 @@ from lupin_engine.bindings import file as binding_file
 from lupin_engine.chart import (
     KINDS,
     ActionNode,
+    BeforeDivertNode,
     InvariantNode,
     Keyed,
     Meaning,
@@ -40,6 +41,7 @@ SHORT: Mapping[type[Node], str] = {
     ActionNode: "name",
     InvariantNode: "that",
     RecordFieldNode: "type",
+    BeforeDivertNode: "within",
 }
 
 

@@ -183,6 +183,7 @@ class Model:
             "context",
             "itinerary",
             "budget",
+            "before_divert",
             "invariants",
             "properties",
             "request",

@@ -34,6 +34,7 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
         "TransitionNode": {"type": "string", "description": "state to go to"},
         "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
         "RecordFieldNode": {"type": "string", "description": "type"},
+        "BeforeDivertNode": {"type": "string", "description": "how long a divert waits at most"},
     }
 )
 

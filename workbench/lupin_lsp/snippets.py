@@ -151,6 +151,7 @@ EXAMPLES: Mapping[str, tuple[Any, ...]] = MappingProxyType(
         "RetryNode.backoff": ("1 s",),
         "RetryNode.jitter": ("20 %",),
         "BudgetNode.after": ("5 min",),
+        "BeforeDivertNode.within": ("60 s",),
         "ParameterNode.type": ("duration", "count", "list of text"),
         "ParameterNode.default": ("30 s", 3, True),
         "ParameterNode.unit": ("m/s",),

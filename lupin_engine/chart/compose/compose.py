@@ -26,6 +26,7 @@ from lupin_engine.chart.compose.declare import (
     level_events,
     read_refusals,
 )
+from lupin_engine.chart.compose.diverts import Diverts
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.outs import Outs
 from lupin_engine.chart.compose.timeless import own_name, read_property, timeless
@@ -181,6 +182,8 @@ class _Composer:
         self._declarer.name_holds(self._lifecycle)
         self._declarer.read(files)
         self._forest.grow(self._lifecycle, self._missions)
+        diverts = Diverts(self._forest, self._findings)
+        diverts.declare(self._declared.context)
         self._codes = self._all_codes()
         self._events = self._all_events()
         carried = self._carried = self._carried or self._learn()
@@ -203,7 +206,7 @@ class _Composer:
         self._transitions = TransitionReader(context, self._actions)
         self._uses = UsedMissionReader(context, self._actions, self._requests)
         self._read_requests()
-        states = {draft.name: self._state(draft) for draft in self._forest.drafts.values()}
+        states = diverts.put_off({draft.name: self._state(draft) for draft in self._forest.drafts.values()})
         holds_scope = self._base(self._lifecycle)
         holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
         chart = Chart(

@@ -76,6 +76,7 @@ def _step(catalog: Catalog, holds: Iterable[str], codes: Iterable[str]) -> Type:
         "given_up": operations,
         "bypassed": operations,
         "codes": list_of(Type("text", "code", values=tuple(known))),
+        "divert": TEXT,
         "moving": BOOL,
         "waiting": BOOL,
     }

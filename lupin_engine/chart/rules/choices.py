@@ -66,6 +66,8 @@ def _hidden_by_deadline(index: Index, state: State) -> Iterator[Diagnostic]:
         return
     first = min(leaving, key=lambda t: due[t.event])  # of equal ones the first that is written
     for later in after:
+        if later.derived:
+            continue  # it bounds the wait of a divert, and may come after the state's own end
         at, limit = due[later.event], due[first.event]
         if at > limit or (at == limit and after.index(later) > after.index(first)):
             when = "at the same time" if at == limit else "earlier"

@@ -66,6 +66,7 @@ ELSEWHERE = {
         for key in ("on", "on_done", "on_error", "always", "after", "every", "at")
     },
     (d.StateNode, "states"): "children",
+    (d.StateNode, "before_divert"): "transitions of the slot and of the state",
     **{(d.StateNode, key): "states, before the file is validated" for key in ("sequence", "times")},
     (d.StateNode, "use"): "the part's states",
     (d.StateNode, "with"): "is built into the part's expressions",

@@ -158,7 +158,7 @@ def test_a_budget_is_a_timer_and_a_transition(words: Chart) -> None:
     (inner,) = choice.otherwise
     assert [action.name for action in (*inner.then, *inner.otherwise)] == ["report.clear"]
     assert rule.place == starting.budget.place
-    assert rule.place.line == starting.place.line + 3
+    assert rule.place.line == starting.place.line + 4
     assert state(words, "BOTH").budget is None
 
 

@@ -51,11 +51,15 @@ def test_every_state_is_a_box(name: str) -> None:
 
 @pytest.mark.parametrize("name", pictured.NAMES)
 def test_every_transition_is_seen_once(name: str) -> None:
-    """On an arrow or as a line of text; refusals and what does nothing are left out."""
+    """On an arrow or as a line of text; refusals, what does nothing and what is derived are left out."""
     given = pictured.chart(name)
     picture = outline(given)
     rules = [rule for state in given.states.values() for rule in (*state.transitions, *state.resume_at)]
-    wanted = {rule.id for rule in rules if rule.target is not None or (rule.actions and rule.refuse is None)}
+    wanted = {
+        rule.id
+        for rule in rules
+        if not rule.derived and (rule.target is not None or (rule.actions and rule.refuse is None))
+    }
     labels = [label for found in picture.arrows for label in found.labels]
     lines = [*picture.notes, *(line for found in picture.every() for line in found.lines)]
     labels += [line.label for line in lines if line.label]
@@ -88,7 +92,11 @@ def test_a_for_each_shows_its_list_limit_operation_and_ends(words: Picture) -> N
 
 def test_an_operation_around_other_states_is_shown(words: Picture) -> None:
     """In the composite state's own text."""
-    assert box(words, "STARTING").text == ("do / nav.localize ≤ 10 s", "tries: 3")
+    assert box(words, "STARTING").text == (
+        "before a divert: RESTING, within 5 s",
+        "do / nav.localize ≤ 10 s",
+        "tries: 3",
+    )
     assert box(words, "BOTH").text == ("do / nav.localize", "read.failed [event.far] / set reason")
     assert box(words, "toured").text == ("result / set walked",)
 

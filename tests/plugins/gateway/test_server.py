@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import json
 import logging
+import re
 import socket
 from pathlib import Path
 from typing import Any
-from urllib.request import urlopen
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 import uvicorn
@@ -24,6 +27,35 @@ def status_of(served: ServedGateway) -> Any:
     """What the gateway says of itself."""
     with urlopen(f"http://localhost:{served.port}/status") as answer:
         return json.load(answer)
+
+
+def asked(served: ServedGateway, path: str, **headers: str) -> Any:
+    """The answer to a browser that asks for a file."""
+    request = Request(f"http://localhost:{served.port}/{path}", headers=headers)
+    with urlopen(request) as answer:
+        return answer.headers, answer.read()
+
+
+def test_the_first_view_is_light_and_kept_by_its_hash(tmp_path: Path) -> None:
+    """At most 90 kB on the wire; what the page names is kept for ever, all else asked for anew."""
+    with ServedGateway(tmp_path) as served:
+        packed = {"Accept-Encoding": "gzip, deflate, br"}
+        headers, page = asked(served, "", **packed)
+        assert (headers["cache-control"], headers["etag"]) == ("no-cache", None)
+        named = re.findall(r'(?:src|href)="([^"]+)"', gzip.decompress(page).decode())
+        files = [asked(served, name, **packed) for name in named]
+        assert len(page) + sum(len(content) for _, content in files) < 90_000
+        for name, (headers, content) in zip(named, files, strict=True):
+            plain = content if name == "icon.svg" else gzip.decompress(content)
+            assert plain == (server.PAGES / name.partition("?")[0]).read_bytes()
+            assert headers["cache-control"] == (
+                "no-cache" if "?" not in name else "max-age=31536000, immutable"
+            )
+        headers, content = asked(served, "console.js?0123456789ab")
+        assert (headers["cache-control"], headers["content-encoding"]) == ("no-cache", None)
+        assert content == (server.PAGES / "console.js").read_bytes()
+        with pytest.raises(HTTPError, match="304"):
+            asked(served, "console.js", **{"If-None-Match": headers["etag"]})
 
 
 def silent_client(port: int, *operations: dict[str, Any]) -> socket.socket:

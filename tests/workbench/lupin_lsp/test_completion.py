@@ -59,7 +59,7 @@ CASES = {
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
         ["summary", "type", "depth", "initial", "states", "sequence", "times", "entry", "exit", "on_error",
-         "on"], 27,
+         "on"], 28,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["lupin", "types", "inputs"], 0),
     "fields of an element by its number": (

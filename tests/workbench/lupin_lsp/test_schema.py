@@ -46,6 +46,7 @@ GOOD = sorted(
 #: By model that reads something else than its mapping, what may stand for it; some only say what is wrong.
 SHORT: dict[str, list[Any]] = {
     "ActionNode": ["report.clear", {"itinerary.advance": None}, {"itinerary.close": {"status": "SKIPPED"}}],
+    "BeforeDivertNode": ["60 s", "${ param.wait }"],
     "ChoiceNode": ["Yes, go on"],
     "CountNode": [3],
     "ElementEndNode": [],

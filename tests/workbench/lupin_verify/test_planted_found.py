@@ -85,7 +85,6 @@ MISSED: Mapping[str, Mapping[str, str]] = {
         "door_left_out_after_dock": "what an open door is for is known to this mission alone",
         "door_skipped_with_the_tag": "what an open door is for is known to this mission alone",
         "crate_taken_and_brought_back": "what a variable stands for is known to this mission alone",
-        "crate_forgotten_after_dock": "what a variable stands for is known to this mission alone",
     },
     "third": {
         "retries_home_only_when_full": "how often the dock is tried is said by that argument alone",
@@ -135,13 +134,14 @@ def checked(missions: Path, monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
 
 def broken(missions: Path, monkeypatch: pytest.MonkeyPatch, targets: int) -> set[str]:
-    """Return the properties that a proof finds broken."""
+    """Return the properties that a proof finds broken; one that finds none is complete."""
     monkeypatch.chdir(missions.parent)
     chart = load_missions([str(one) for one in mission_files(missions)], load_catalog()).chart
     proof = prove(make_world(chart, {}), Bounds(targets=targets, restarts=False))
-    assert proof.complete
     against = (ProofVerdict.BROKEN, ProofVerdict.NOT_SHOWN)  # of the second no times were found: exit code 3
-    return {one.name for one in proof.properties if one.verdict in against}
+    found = {one.name for one in proof.properties if one.verdict in against}
+    assert proof.complete or found
+    return found
 
 
 @pytest.mark.parametrize(("planted", "defect"), HANDFUL)

@@ -46,6 +46,7 @@ def _what(chart: Chart, found: Possibility) -> TonedLine:
     """Return the effects of an event as a line."""
     text = [f"engages {name}" for name in found.engages] + [f"releases {name}" for name in found.releases]
     text += [_leads_to(chart, rule) for rule in found.taken]
+    text += [found.waits] if found.waits else []
     return labelled(found.event, ", ".join(text), "state", _EVENT)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
-from lupin_engine.chart import Level
+from lupin_engine.chart import DIVERT, Level
 from lupin_engine.errors import reason
 from lupin_engine.machine import (
     CLOCK,
@@ -378,7 +378,8 @@ class SituationExplorer:
         sent = [table.value(slot, situation[slot]) for slot in slots]
         whole = [index[name, ""] for name in ("configuration", "held", "asked", "attempts")]
         walks = [index["itineraries", name] for name in self._endless(situation)]
-        return self._look(situation, sent), whole + slots + walks
+        divert = [index["context", DIVERT]] if DIVERT in self.chart.context else []
+        return self._look(situation, sent), whole + slots + walks + divert
 
     def _endless(self, situation: Situation) -> Iterator[str]:
         """Yield the active states whose itinerary may have sweeps without end."""
@@ -399,7 +400,7 @@ class SituationExplorer:
             found |= Is.REPORTED
         if label not in stages.without_mission:
             found |= Is.MISSION
-            found |= 0 if rests else self._stage(configuration)
+            found |= 0 if rests or self._divert_waits(situation) else self._stage(configuration)
         walks = (self.table.get(situation, ("itineraries", name)) for name in self._endless(situation))
         if any(walk is not None and walk.sweeps == 0 for walk in walks):
             found |= Is.ENDLESS
@@ -407,6 +408,9 @@ class SituationExplorer:
             if attempt.operation in self._moving and attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
                 found |= Is.MOVES
         return found
+
+    def _divert_waits(self, situation: Situation) -> bool:
+        return DIVERT in self.chart.context and bool(self.table.get(situation, ("context", DIVERT)))
 
     def _stage(self, configuration: Iterable[str]) -> int:
         """Return whether a mission goes on by itself, or waits elsewhere for a person."""

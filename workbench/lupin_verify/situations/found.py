@@ -147,6 +147,6 @@ class Is:
     REPORTED = 2  #: an operator can see that it waits: held, paused, asked, over, or in a fault
     MOVES = 4  #: an operation that moves is under way
     MISSION = 8  #: a mission is under way
-    WORKS = 16  #: in a state of the mission's own, and nobody has stopped or asked anything
+    WORKS = 16  #: in a state of the mission's own; nobody has stopped or asked anything, no divert waits
     AWAY = 32  #: a mission waits for a person in a state of the lifecycle
     ENDLESS = 64  #: in an itinerary whose sweeps have no end

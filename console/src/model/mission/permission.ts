@@ -59,13 +59,14 @@ export function toldOf(possible: PossibleRecord | undefined, reason: string): st
   return `${reason} ${possible.possible || possible.fields ? t.wasPossible : t.was(possible.reason)}`;
 }
 
-/** What it would do to the holds, in the words of their codes. */
+/** What it would do to the holds, in the words of their codes, and for what it waits. */
 function effectOf(possible: PossibleRecord | undefined): string {
   const t = texts.value.control;
   const offer = missions.shown.value?.value;
   const named = (holds: readonly string[]): string => holds.map((name) => offer?.codes[offer.holds[name] ?? ""]?.label ?? name).join(", ");
   const { engages = [], releases = [] } = possible ?? {};
-  return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases))].filter(Boolean).join("; ");
+  const waits = possible?.possible && possible.reason;
+  return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases)), waits].filter(Boolean).join("; ");
 }
 
 /** What a verb is called on its button; one that this page does not know by its own name. */
