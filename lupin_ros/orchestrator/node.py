@@ -85,7 +85,6 @@ class Orchestrator:
         loop.run(engine, gate, records)
         missions = MissionSwitch(ros, folder, loop, records, gate, clients)
         requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
-        runs = MissionAction(ros, loop, gate, publisher, requests)
         Displays(ros, clock, loop)
         self._ros, self._clock, self._loop, self._engine = ros, clock, loop, engine
         self._gate, self._publisher, self._records = gate, publisher, records
@@ -96,6 +95,7 @@ class Orchestrator:
         #: The id of an older instance for which this one stands down; '' while there is none.
         self.older_boot = ""
         self._begin(recovery, lost)
+        runs = MissionAction(ros, loop, gate, publisher, requests)
         # In real time: the state is repeated also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), publisher.repeat_state)
         ros.steady_timer(LOOK_PERIOD_S, self._check)
