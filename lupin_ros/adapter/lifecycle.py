@@ -16,6 +16,8 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.context import Context
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
+from lupin_engine.errors import shortened
+
 #: The parameter by which a node is left to a lifecycle manager; nodes of Nav2 have it as well.
 AUTOSTART = "autostart_node"
 _AUTOSTART_DOC = "whether the node configures and activates itself; false: a lifecycle manager does"
@@ -62,7 +64,7 @@ class ManagedNode(LifecycleNode):
             except RuntimeError:  # RCLError; nothing has changed
                 response.success = False
         if not response.success:
-            self.refused(f"lifecycle: transition {asked} refused: {why}")
+            self.refused(f"lifecycle: transition {shortened(str(asked))} refused: {why}")
         return response
 
     def _reached(self, label: str) -> TransitionCallbackReturn:

@@ -40,9 +40,9 @@ SHUTDOWN = Transition.TRANSITION_UNCONFIGURED_SHUTDOWN
 class Manager(Operator):
     """The calls of nav2_lifecycle_manager: each transition is followed by a look at the state."""
 
-    def change(self, node: str, transition: int) -> tuple[bool, str]:
+    def change(self, node: str, transition: int, label: str = "") -> tuple[bool, str]:
         """Ask for a transition; return whether it was made, and the state after it."""
-        request = ChangeState.Request(transition=Transition(id=transition))
+        request = ChangeState.Request(transition=Transition(id=transition, label=label))
         done = self.call(ChangeState, f"/{node}/change_state", request).success
         return done, self.state_of(node)
 
@@ -113,6 +113,11 @@ def test_nav2s_lifecycle_manager_brings_all_up_and_down(world: World, manager: M
 
     assert manager.change("lupin_twin", ACTIVATE) == (False, "active")
     assert manager.change("lupin_twin", 200) == (False, "active")
+    for label in ("explode", "x" * 100_000, "x\ny", "\N{SNOWMAN}"):
+        assert manager.change("lupin_twin", DEACTIVATE, label) == (False, "active")
+    log = world.log("lupin_twin").read_text()
+    assert "lifecycle: transition 3 refused: active has no such transition" in log
+    assert "Traceback" not in log
     states = manager.call(
         GetAvailableStates, "/lupin_twin/get_available_states", GetAvailableStates.Request()
     )
