@@ -17,6 +17,7 @@ PHASES = {
     Phase.WAITING: "an earlier attempt still uses what it needs",
     Phase.REQUESTED: "the server was asked",
     Phase.ACCEPTED: "the server works on it",
+    Phase.REPLACED: "an update was sent in its place",
     Phase.CANCELLING: f"left, held, or too slow<br/>it keeps what it uses, {CANCEL_DEADLINE:g} s at most",
     Phase.REFUSED: "the server refuses to end it<br/>it keeps what it uses; the cancel is repeated",
     Phase.LOST: "its resources are free<br/>a late acceptance is still cancelled",
@@ -31,6 +32,8 @@ ENDS = {
 WORDS = {
     "resource free": "what it needs is free",
     "not wanted": "nobody wants it any more",
+    "updated": "its arguments have changed",
+    "not ended in time": f"still there after {CANCEL_DEADLINE:g} s",
     "no answer in time": f"no answer in {CANCEL_DEADLINE:g} s",
     "cancel_refused": "refuses to end",
 }
@@ -56,7 +59,8 @@ def _arrows() -> Iterator[str]:
         target = after.value if after is not None else _end(phase, word)
         words.setdefault((phase.value, target), []).append(WORDS.get(word, word))
     for (source, target), told in words.items():
-        again = ", cancelled again" if source == target else ""
+        is_first = source == Phase.REPLACED.value
+        again = (", cancelled" if is_first else ", cancelled again") if source == target else ""
         yield f"{source} --> {target} : {' or '.join(told)}{again}"
 
 

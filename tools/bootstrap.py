@@ -298,9 +298,11 @@ def build_wheels(
 
 def check_domain() -> None:
     """A run would refuse the shell's ROS domain, but only after minutes of installing."""
-    advice = runpy.run_path(str(ROOT / "lupin_engine" / "plugin" / "domain.py"))["domain_advice"]()
-    if advice:
-        raise Problem("ROS_DOMAIN_ID is {!r}: {}".format(os.environ["ROS_DOMAIN_ID"], advice))
+    domains = runpy.run_path(str(ROOT / "lupin_engine" / "plugin" / "domain.py"))
+    try:
+        domains["domain_number"](os.environ.get(domains["DOMAIN"], "").strip() or "0")
+    except ValueError as problem:
+        raise Problem(str(problem))
 
 
 def bring_up_to_date(purpose: str) -> None:

@@ -50,9 +50,10 @@ with their defaults, and the types of `lupin_msgs` and `lupin_engine_msgs`. "out
 the network: the operator's HMI, the robot's own drivers, Nav2. What a binding or another plugin adds is not
 here: what is on the network now, `lupin graph` tells. The gateway also hears what pages want, and whatever
 its parameter `history` names. Each node also tells how it is, once a second on `/diagnostics`
-(diagnostic_msgs/DiagnosticArray): its process, its machine, the rates of its topics. All but the simulated
-ones also answer the services of [a lifecycle manager](operating.md#lifecycle-managers). `lupin types` writes
-all types for TypeScript, or as JSON Schema.
+(diagnostic_msgs/DiagnosticArray, by REP 107): its process, its machine, the rates of its topics, and below
+`NODE: SUBJECT` each trouble with its `code`, `cause` and `advice`. All but the simulated ones also answer
+the services of [a lifecycle manager](operating.md#lifecycle-managers). `lupin types` writes all types for
+TypeScript, or as JSON Schema.
 
 ## Quality of service
 

@@ -188,6 +188,13 @@ action that fails (`error.execution` in `lupin simulate`). `retry` does not coun
 because of a hold, or because its state was left. The share of `jitter` is drawn from a seed, the mission
 and the attempt: the same inputs give the same pauses.
 
+**Updates.** With `update: 1 s` the arguments of an operation are evaluated again every second while it
+runs. Where one has changed, the server gets them as a new goal in place of the old one; nothing is
+cancelled. It is the same try, and the `timeout` is that of all goals together. A value that is unknown
+changes nothing, and neither do new arguments before the server has taken the last goal. What stops the
+operation stops both goals. [Which operations](bindings.md#new-goals-for-a-running-one) can be updated, they
+declare.
+
 **Holds.** A *hold*, such as a pause or an emergency stop, suspends the whole chart. Operations that move
 the robot are cancelled, clocks stand still, and answers wait. After the release the chart first becomes
 stable. Then each cancelled operation whose state is still active begins again, or ends as its `on_hold`

@@ -84,7 +84,10 @@ function Settings() {
   const t = texts.value.shell;
   return (
     <details class="settings">
-      <summary>{t.settings}</summary>
+      <summary>
+        <span class="wide">{t.settings}</span>
+        <span class="narrow">⋯ {t.more}</span>
+      </summary>
       <label>
         {t.language}{" "}
         <select value={language.value} onChange={(event) => (language.value = event.currentTarget.value as Language)}>

@@ -329,13 +329,18 @@ export interface Notification {
   readonly acknowledged: number | null;
 }
 
-/** Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves. */
+/**
+ * Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves.
+ *
+ * One that `updates` an earlier attempt is sent while that runs; the server takes it in place of that one.
+ */
 export interface Start {
   readonly attempt: string;
   readonly operation: string;
   readonly arguments: Readonly<Record<string, unknown>>;
   readonly state: string;
   readonly tries: number;
+  readonly updates: string;
   readonly command: "start";
 }
 

@@ -1281,6 +1281,61 @@ export const BatteryState = {
 } as const;
 
 /**
+ * `sensor_msgs/msg/CompressedImage`
+ * This message contains a compressed image.
+ */
+export interface CompressedImage {
+  /**
+   * Header timestamp should be acquisition time of image
+   * Header frame_id should be optical frame of camera
+   * origin of frame should be optical center of cameara
+   * +x should point to the right in the image
+   * +y should point down in the image
+   * +z should point into to plane of the image
+   */
+  header: Header;
+  /**
+   * Specifies the format of the data
+   * Acceptable values differ by the image transport used:
+   * - compressed_image_transport:
+   *     ORIG_PIXFMT; CODEC compressed
+   *   where:
+   *   - ORIG_PIXFMT is pixel format of the raw image, i.e.
+   *     the content of sensor_msgs/Image/encoding with
+   *     values from include/sensor_msgs/image_encodings.h
+   *   - CODEC is one of [jpeg, png, tiff]
+   *   - COMPRESSED_PIXFMT is only appended for color images
+   *     and is the pixel format used by the compression
+   *     algorithm. Valid values for jpeg encoding are:
+   *     [bgr8, rgb8]. Valid values for png encoding are:
+   *     [bgr8, rgb8, bgr16, rgb16].
+   *   If the field is empty or does not correspond to the
+   *   above pattern, the image is treated as bgr8 or mono8
+   *   jpeg image (depending on the number of channels).
+   * - compressed_depth_image_transport:
+   *     ORIG_PIXFMT; compressedDepth CODEC
+   *   where:
+   *   - ORIG_PIXFMT is pixel format of the raw image, i.e.
+   *     the content of sensor_msgs/Image/encoding with
+   *     values from include/sensor_msgs/image_encodings.h
+   *     It is usually one of [16UC1, 32FC1].
+   *   - CODEC is one of [png, rvl]
+   *   If the field is empty or does not correspond to the
+   *   above pattern, the image is treated as png image.
+   * - Other image transports can store whatever values they
+   *   need for successful decoding of the image. Refer to
+   *   documentation of the other transports for details.
+   * [COMPRESSED_PIXFMT]
+   */
+  format: string;
+  /**
+   * Compressed image buffer
+   * `uint8[]`
+   */
+  data: string;
+}
+
+/**
  * `sensor_msgs/msg/JointState`
  * This is a message that holds data to describe the state of a set of torque controlled joints.
  *
@@ -1318,6 +1373,14 @@ export interface JointState {
  */
 export interface Bool {
   data: boolean;
+}
+
+/** `std_msgs/msg/ColorRGBA` */
+export interface ColorRGBA {
+  r: number | null;
+  g: number | null;
+  b: number | null;
+  a: number | null;
 }
 
 /**
@@ -1443,6 +1506,143 @@ export interface UUID {
   uuid: string;
 }
 
+/**
+ * `visualization_msgs/msg/Marker`
+ * See:
+ *  - http://www.ros.org/wiki/rviz/DisplayTypes/Marker
+ *  - http://www.ros.org/wiki/rviz/Tutorials/Markers%3A%20Basic%20Shapes
+ *
+ * for more information on using this message with rviz.
+ */
+export interface Marker {
+  /** Header for timestamp and frame id. */
+  header: Header;
+  /**
+   * Namespace in which to place the object.
+   * Used in conjunction with id to create a unique name for the object.
+   */
+  ns: string;
+  /** Object ID used in conjunction with the namespace for manipulating and deleting the object later. */
+  id: number;
+  /** Type of object. */
+  type: number;
+  /**
+   * Action to take; one of:
+   *  - 0 add/modify an object
+   *  - 1 (deprecated)
+   *  - 2 deletes an object (with the given ns and id)
+   *  - 3 deletes all objects (or those with the given ns if any)
+   */
+  action: number;
+  /** Pose of the object with respect the frame_id specified in the header. */
+  pose: Pose;
+  /** Scale of the object; 1,1,1 means default (usually 1 meter square). */
+  scale: Vector3;
+  /**
+   * Color of the object; in the range:
+   * [0.0-1.0]
+   */
+  color: ColorRGBA;
+  /**
+   * How long the object should last before being automatically deleted.
+   * 0 indicates forever.
+   */
+  lifetime: Duration;
+  /** If this marker should be frame-locked, i.e. retransformed into its frame every timestep. */
+  frame_locked: boolean;
+  /** Only used if the type specified has some use for them (eg. POINTS, LINE_STRIP, ARROW_STRIP, etc.) */
+  points: Point[];
+  /**
+   * Only used if the type specified has some use for them (eg. POINTS, LINE_STRIP, etc.)
+   * The number of colors provided must either be 0 or equal to the number of points provided.
+   * NOTE: alpha is not yet used
+   */
+  colors: ColorRGBA[];
+  /**
+   * Texture resource is a special URI that can either reference a texture file in
+   * a format acceptable to (resource retriever)
+   * or an embedded texture via a string matching the format:
+   *   "embedded://texture_name"
+   * [https://docs.ros.org/en/rolling/p/resource_retriever/]
+   */
+  texture_resource: string;
+  /**
+   * An image to be loaded into the rendering engine as the texture for this marker.
+   * This will be used iff texture_resource is set to embedded.
+   */
+  texture: CompressedImage;
+  /**
+   * Location of each vertex within the texture; in the range:
+   * [0.0-1.0]
+   */
+  uv_coordinates: UVCoordinate[];
+  /** Only used for text markers */
+  text: string;
+  /**
+   * Only used for MESH_RESOURCE markers.
+   * Similar to texture_resource, mesh_resource uses resource retriever to load a mesh.
+   * Optionally, a mesh file can be sent in-message via the mesh_file field. If doing so,
+   * use the following format for mesh_resource:
+   *   "embedded://mesh_name"
+   */
+  mesh_resource: string;
+  mesh_file: MeshFile;
+  mesh_use_embedded_materials: boolean;
+}
+
+export const Marker = {
+  ARROW: 0,
+  CUBE: 1,
+  SPHERE: 2,
+  CYLINDER: 3,
+  LINE_STRIP: 4,
+  LINE_LIST: 5,
+  CUBE_LIST: 6,
+  SPHERE_LIST: 7,
+  POINTS: 8,
+  TEXT_VIEW_FACING: 9,
+  MESH_RESOURCE: 10,
+  TRIANGLE_LIST: 11,
+  ARROW_STRIP: 12,
+  ADD: 0,
+  MODIFY: 0,
+  DELETE: 2,
+  DELETEALL: 3,
+} as const;
+
+/** `visualization_msgs/msg/MarkerArray` */
+export interface MarkerArray {
+  markers: Marker[];
+}
+
+/**
+ * `visualization_msgs/msg/MeshFile`
+ * Used to send raw mesh files.
+ */
+export interface MeshFile {
+  /**
+   * The filename is used for both debug purposes and to provide a file extension
+   * for whatever parser is used.
+   */
+  filename: string;
+  /**
+   * This stores the raw text of the mesh file.
+   * `uint8[]`
+   */
+  data: string;
+}
+
+/**
+ * `visualization_msgs/msg/UVCoordinate`
+ * Location of the pixel as a ratio of the width of a 2D texture.
+ * Values should be in range:.
+ * [0.0-1.0]
+ */
+export interface UVCoordinate {
+  u: number | null;
+  v: number | null;
+}
+
 export const MSG_TYPES = {
   GoalInfo: "action_msgs/msg/GoalInfo",
   GoalStatus: "action_msgs/msg/GoalStatus",
@@ -1484,14 +1684,20 @@ export const MSG_TYPES = {
   Path: "nav_msgs/msg/Path",
   ParameterType: "rcl_interfaces/msg/ParameterType",
   BatteryState: "sensor_msgs/msg/BatteryState",
+  CompressedImage: "sensor_msgs/msg/CompressedImage",
   JointState: "sensor_msgs/msg/JointState",
   Bool: "std_msgs/msg/Bool",
+  ColorRGBA: "std_msgs/msg/ColorRGBA",
   Header: "std_msgs/msg/Header",
   StdMsgsString: "std_msgs/msg/String",
   TFMessage: "tf2_msgs/msg/TFMessage",
   JointTrajectory: "trajectory_msgs/msg/JointTrajectory",
   JointTrajectoryPoint: "trajectory_msgs/msg/JointTrajectoryPoint",
   UUID: "unique_identifier_msgs/msg/UUID",
+  Marker: "visualization_msgs/msg/Marker",
+  MarkerArray: "visualization_msgs/msg/MarkerArray",
+  MeshFile: "visualization_msgs/msg/MeshFile",
+  UVCoordinate: "visualization_msgs/msg/UVCoordinate",
 } as const;
 
 export const SRV_TYPES = {

@@ -82,8 +82,10 @@ test("what it would do to holds is told in the words of their codes", () => {
   const codes = { paused: { label: "paused by the operator", severity: 0, advice: "" } };
   const stages = { starting: [], ready: [], returning: [], ended: [], faulted: [] };
   tell(missions, { missions: [], problems: [], codes, holds: { pause: "paused" }, outcomes: [], stages, ends: "" });
-  assert.match(toldOf(possibleOf({ engages: ["pause"] }), ""), /paused by the operator/);
-  assert.match(toldOf(possibleOf({ releases: ["other"] }), ""), /other/);
+  assert.match(toldOf(possibleOf({ verb: "wait", engages: ["pause"] }), ""), /paused by the operator/);
+  assert.match(toldOf(possibleOf({ verb: "go", releases: ["other"] }), ""), /other/);
+  const waits = possibleOf({ verb: "abort", reason: "what has begun is finished first" });
+  assert.equal(toldOf(waits, ""), "ends the mission; what has begun is finished first");
 });
 
 test("of a moment that is over it is told what the engine said then", () => {

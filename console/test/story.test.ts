@@ -7,7 +7,7 @@ import type { StepRecord } from "../src/records";
 import { attemptOf, recordOf, T0 } from "./told";
 
 const GO = `${OPERATION}nav.go_to`;
-const start = { command: "start", attempt: "a-1", operation: "nav.go_to", arguments: { tag: "T3" }, state: "MISSION.GO", tries: 1 } as const;
+const start = { command: "start", attempt: "a-1", operation: "nav.go_to", arguments: { tag: "T3" }, state: "MISSION.GO", tries: 1, updates: "" } as const;
 
 function read(...records: StepRecord[]): StepStory {
   const story = new StepStory(en.log, (lifecycle) => lifecycle === "FAULT");
@@ -29,6 +29,16 @@ test("an attempt lasts from its start to its end, and one that failed is red", (
   assert.deepEqual(spans(story, GO), [[1, 5, "nav.go_to T3", 2]]);
   assert.equal(story.entries.at(-1)?.text, "nav.go_to failed: nav_timeout no way");
   assert.equal(story.entries.at(-1)?.severity, 1);
+});
+
+test("an operation that is updated lasts from its first goal to the end of the last one", () => {
+  const attempts = [attemptOf()];
+  const begun = recordOf(1, { commands: [start] }, { attempts });
+  const updated = recordOf(2, { event: "timer.update", data: { owner: "a-1" }, commands: [{ ...start, attempt: "a-2", updates: "a-1" }] }, { attempts });
+  const replaced = recordOf(2.1, { event: "attempt.failed", data: { attempt: "a-1", code: "nav_status_6" } }, { attempts });
+  const story = read(begun, updated, replaced, recordOf(4, { event: "attempt.done", data: { attempt: "a-2" } }));
+  assert.deepEqual(spans(story, GO), [[1, 4, "nav.go_to T3", 0]]);
+  assert.equal(story.entries.find(({ text }) => text.startsWith("time for an update"))?.text, "time for an update: nav.go_to");
 });
 
 test("an attempt that is done is well; one that is nowhere any more has ended unseen", () => {

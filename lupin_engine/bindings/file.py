@@ -227,6 +227,11 @@ class BoundOperationNode(Node):
         description="when another orchestrator goes on: `cancel`: what is under way is ended and begun anew; "
         "`finish`: an action goes on, and its result counts",
     )
+    updates: bool = Field(
+        False,
+        description="of an action: its server takes a new goal in place of the one it works on, so that "
+        "missions may write `update`",
+    )
     watch: Literal["client"] | None = Field(
         None,
         description="`client`: its server hears whether the orchestrator is there, and ends the order "

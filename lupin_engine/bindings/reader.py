@@ -405,6 +405,7 @@ class _BindingReader:
             self._cut_short(node, path),
             self._mock(node, path, result, {name: value.type for name, value in values.items()}, arguments),
             adopts=self._adopts(node, path),
+            updates=self._updates(node, path),
         )
 
     def _adopts(self, node: BoundOperationNode, path: str) -> bool:
@@ -426,6 +427,12 @@ class _BindingReader:
             problem = "only an action with a result gives one when it is cancelled"
             self._findings.add(node.key_at("cut_short"), "wrong-shape", path, problem, "leave it out")
         return node.cut_short
+
+    def _updates(self, node: BoundOperationNode, path: str) -> bool:
+        if node.updates and node.action is None:
+            problem = "only an action takes a new goal in place of one: a call is answered once"
+            self._findings.add(node.key_at("updates"), "wrong-shape", path, problem, "leave it out")
+        return node.updates
 
     def _one_endpoint(self, node: BoundOperationNode, path: str) -> None:
         if node.service is None and node.action is None:

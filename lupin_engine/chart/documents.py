@@ -233,6 +233,11 @@ class InvokeNode(Node):
     classes: list[Written] = _many(
         "results that `lupin prove` tries as well: of each the fields that differ from the usual ones"
     )
+    update: Annotated[Written, Meaning.VALUE] = Field(
+        None,
+        description=f"a duration, {MIN_PERIOD * 1000:.0f} ms or more: so often its arguments are evaluated "
+        "again while it runs, and changed ones go to the server as a new goal in place of the old one",
+    )
 
 
 _ENDS_HERE = "an element's end leads nowhere: the state goes on with the others"

@@ -85,6 +85,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "Ways through the chart": {
             "no-initial": "entering a state never needs a guess",
             "no-deadline": "a state that waits for the world does not wait for ever",
+            "not-updated": "new arguments of a running operation reach its server, and can come",
             "unreachable-state": "every state can be entered",
             "dead-end": "from every state an end can be reached: of the mission, or FAULT",
             "always-loop": "a chart comes to rest: no circle of 'always' is taken for ever",

@@ -131,7 +131,7 @@ class Invoke:
     """An operation that ends with its state at the latest. `timeout` is None for `never`.
 
     `on_hold` is the reaction at the release of a hold that cancelled it: `continue`, `fail`, or empty for
-    `again`.
+    `again`. With `update` its arguments are evaluated again so often, and changed ones are a new goal.
     """
 
     name: str = field(metadata=said(Role.PLAIN, "do"))
@@ -143,6 +143,7 @@ class Invoke:
     retry: Retry | None = field(default=None, metadata=said(Role.INSIDE, "retry"))
     on_hold: str = field(default="", metadata=said(Role.PLAIN, "on_hold"))
     classes: tuple[Mapping[str, Any], ...] = field(default=(), metadata=said(Role.PLAIN, "classes"))
+    update: Value | None = field(default=None, metadata=said(Role.VALUE, "update"))
 
 
 @record(frozen=True)

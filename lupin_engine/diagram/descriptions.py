@@ -128,6 +128,8 @@ class ElementTexts:
             yield TextLine(f"tries: {self._short(invoke.retry.attempts)}", LineRole.NOTE)
         if invoke.on_hold:
             yield TextLine(f"after a hold: {invoke.on_hold}", LineRole.NOTE)
+        if invoke.update is not None:
+            yield TextLine(f"updated every {self.duration(invoke.update)}", LineRole.NOTE)
 
     def _short(self, value: Value) -> str:
         if isinstance(value, Constant):

@@ -33,6 +33,7 @@ from .memory import Visit as Visit
 from .memory import claim_of as claim_of
 from .operations import CANCELLED_CODE as CANCELLED_CODE
 from .operations import EVERYTHING as EVERYTHING
+from .operations import Operations as Operations
 from .reload import is_idle as is_idle
 from .reload import successor as successor
 from .requests import BAD_REQUEST as BAD_REQUEST

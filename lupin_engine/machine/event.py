@@ -176,13 +176,17 @@ def clock(ahead: float) -> Event:
 
 @record(frozen=True)
 class Start:
-    """Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves."""
+    """Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves.
+
+    One that `updates` an earlier attempt is sent while that runs; the server takes it in place of that one.
+    """
 
     attempt: str
     operation: str
     arguments: Mapping[str, Any]
     state: str = ""
     tries: int = 1
+    updates: str = ""
 
 
 @record(frozen=True)

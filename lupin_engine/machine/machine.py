@@ -109,8 +109,9 @@ class Machine:
         "scope",
     )
 
-    #: What carries out its actions, and what takes in its live values.
+    #: What carries out its actions, what runs its operations, and what takes in its live values.
     content: ClassVar[type[ExecutableContent]] = ExecutableContent
+    operations: ClassVar[type[Operations]] = Operations
     inputs: ClassVar[type[Inputs]] = Inputs
 
     def __init__(self, world: World, memory: Memory | None = None) -> None:
@@ -124,7 +125,7 @@ class Machine:
         self._table: DispatchTable = dispatch_table(world.chart)
         self.scope = scope = EvaluationScope(world, self.memory)
         self._content = self.content(scope, self._table.actions)
-        self._operations = Operations(scope, self._content, self._table.arguments)
+        self._operations = self.operations(scope, self._content, self._table.arguments)
         self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = self.inputs(scope)
@@ -338,6 +339,7 @@ class Machine:
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer
+        owner = self._operations.of_deadline(owner) if kind in ("timeout", "update") else owner
         data = {"owner": owner, "time": name.rpartition(" ")[2]} if kind == "at" else {"owner": owner}
         step = self._open(Event(f"timer.{kind}", data), now)
         if kind == "budget" and owner not in self.memory.configuration:
@@ -354,6 +356,10 @@ class Machine:
             self._operations.timed_out(owner, step)
         elif kind == "retry":
             self._operations.retry(owner)
+        elif kind == "update":
+            self._operations.update(owner, step)
+        elif kind == "replaced":
+            self._operations.not_ended(owner, step)
         elif kind == "fresh":
             self._inputs.became_stale(owner, step)
         else:

@@ -134,6 +134,7 @@ class Phase(str, enum.Enum):
     WAITING = "waiting"  #: for the resource that an earlier attempt still uses
     REQUESTED = "requested"  #: the server was asked
     ACCEPTED = "accepted"  #: the server took it
+    REPLACED = "replaced"  #: an update was sent in its place; it may go on until the server takes that
     CANCELLING = "cancelling"  #: nobody wants it any more; the server may not know yet
     LOST = "lost"  #: the server did not confirm the cancel in time
     REFUSED = "refused"  #: the server refuses the cancel, which is repeated: it keeps what it uses to its end
@@ -159,12 +160,16 @@ class Attempt:
 
 
 class ResourceClaim(NamedTuple):
-    """The resources of an attempt; `waits`: it has not begun yet; `refused`: its cancel was refused."""
+    """The resources of an attempt; `waits`: it has not begun yet; `refused`: its cancel was refused.
+
+    `updated` is the invocation of a replaced attempt.
+    """
 
     attempt: str
     uses: tuple[str, ...]
     waits: bool
     refused: bool = False
+    updated: str = ""
 
 
 def claim_of(attempt: Attempt) -> ResourceClaim | None:
@@ -174,9 +179,10 @@ def claim_of(attempt: Attempt) -> ResourceClaim | None:
     """
     waits = attempt.phase is Phase.WAITING
     refused = attempt.phase is Phase.REFUSED
-    if attempt.phase is Phase.LOST or not (attempt.uses or waits or refused):
+    updated = attempt.invocation if attempt.phase is Phase.REPLACED else ""
+    if attempt.phase is Phase.LOST or not (attempt.uses or waits or refused or updated):
         return None
-    return ResourceClaim(attempt.id, attempt.uses, waits, refused)
+    return ResourceClaim(attempt.id, attempt.uses, waits, refused, updated)
 
 
 @dataclass(slots=True)

@@ -15,6 +15,10 @@ The rules, all implemented here:
   begins beside it;
 * an attempt that is cut short by a timeout, or by a hold with `on_hold` other than `again`, is awaited for
   up to a cancel's deadline if its operation gives a result then; the state gets failure and result together;
+* with `update` the arguments are evaluated again so often. Where an accepted attempt has others, a new
+  attempt takes its place: no try more, the same timeout. The old one is replaced: its end is dropped, and it
+  is cancelled when the new one ends or is cancelled, or `CANCEL_DEADLINE` seconds after the acceptance of
+  that. There is at most one replaced attempt of an invocation;
 * a failed attempt is retried up to the number that `retry` gives; one that a hold ended is not counted;
 * attempts begin when the configuration is stable, after a hold and a back-off too, so nothing begins in a
   state that the same step leaves.
@@ -42,11 +46,11 @@ from lupin_engine.machine.event import (
     Trigger,
 )
 from lupin_engine.machine.holds import is_held_back, passes
-from lupin_engine.machine.memory import Attempt, CutShort, Invocation, Phase
+from lupin_engine.machine.memory import Attempt, CutShort, Invocation, Phase, ResourceClaim
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
 from lupin_engine.machine.step import Macrostep, fields_text
 from lupin_engine.machine.structure import Configuration
-from lupin_engine.machine.timers import seconds
+from lupin_engine.machine.timers import period, seconds
 from lupin_engine.plugin.contract import EXECUTION_CODE, REFUSED_CODE, OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds.
@@ -61,10 +65,12 @@ RECOVERY_DEADLINE = 30.0
 #: What such an attempt uses: nothing else may begin before it has ended.
 EVERYTHING = "*"
 
+#: The deadlines of a replaced attempt: until it is cancelled, and until its cancel is confirmed.
+_ENDING = ("replaced", "cancel")
 #: What a state's transitions call the end that a server reports.
 _ENDS = {"done": "done", "failed": "error", "cancelled": "error"}
 
-_W, _R, _A, _C, _L, _F = Phase
+_W, _R, _A, _P, _C, _L, _F = Phase
 #: The life of an attempt: phase and what happens -> the next phase; None: it has ended and is forgotten.
 #: docs/diagrams/attempt.mmd is drawn from this.
 LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
@@ -80,6 +86,14 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
         (_A, "failed"): None,
         (_A, "cancelled"): None,
         (_A, "not wanted"): _C,
+        (_A, "updated"): _P,
+        (_P, "done"): None,
+        (_P, "failed"): None,
+        (_P, "cancelled"): None,
+        (_P, "not wanted"): _C,
+        (_P, "not ended in time"): _P,
+        (_P, "no answer in time"): _L,
+        (_P, "cancel_refused"): _F,
         (_C, "accepted"): _C,
         (_C, "done"): None,
         (_C, "failed"): None,
@@ -201,7 +215,8 @@ class Operations:
                 continue
             invoke = self._invoke(invocation)
             begun = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
-            if begun and invoke.operation.adopts and invoke.operation.on_hold is OnHold.FINISH:
+            goes_on = begun and invoke.operation.adopts and invoke.operation.on_hold is OnHold.FINISH
+            if goes_on and self._replaced(invocation) is None:
                 continue
             self._interrupt(invocation, "restart", step)
         for attempt in memory.attempts.values():
@@ -209,7 +224,8 @@ class Operations:
                 attempt.phase = Phase.ACCEPTED  # or the server does not know it, and will say so
                 step.note(f"{attempt.operation} goes on")
                 continue
-            self._scope.timers.disarm("cancel", attempt.id)
+            for kind in _ENDING:
+                self._scope.timers.disarm(kind, attempt.id)
             self._scope.timers.arm("cancel", attempt.id, step.now, RECOVERY_DEADLINE)
             if not any(isinstance(c, Cancel) and c.attempt == attempt.id for c in step.commands):
                 step.commands.append(Cancel(attempt.id, attempt.operation))
@@ -382,30 +398,49 @@ class Operations:
         if phase is not None:
             attempt.phase = phase
             return
-        deadline = "cancel" if attempt.phase in (Phase.CANCELLING, Phase.REFUSED) else "timeout"
-        self._scope.timers.disarm(deadline, attempt.id)
+        ending = attempt.phase in (Phase.CANCELLING, Phase.REFUSED)
+        deadlines = ("cancel",) if ending else _ENDING if attempt.phase is Phase.REPLACED else ("timeout",)
+        for deadline in deadlines:
+            self._scope.timers.disarm(deadline, attempt.id)
         del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
-        """Return the earlier attempt that still holds a resource of this one; None where all are free."""
-        needs, memory = set(attempt.uses), self._scope.memory
+        """Return the attempt that holds a resource of this one, or waits longer for it; None: all are free.
+
+        One that has begun later is an update, which took the place of an earlier one.
+        """
+        memory, is_later = self._scope.memory, False
         replaces = self._invoke(memory.invocations[attempt.invocation]).operation.replaces
         for claim in memory.claims:
-            if claim.attempt == attempt.id:
-                break
-            if claim.refused and replaces:
+            is_later = is_later or claim.attempt == attempt.id
+            if (claim.refused and replaces) or (is_later and claim.waits):
                 continue
-            if EVERYTHING in claim.uses or not needs.isdisjoint(claim.uses):
+            if _meets(claim, attempt):
                 return memory.attempts[claim.attempt]
         return None
 
     def _start(self, attempt: Attempt, step: Macrostep) -> None:
         self._move(attempt, "resource free", step)
-        serves = self._scope.memory.invocations[attempt.invocation]
+        serves, timers = self._scope.memory.invocations[attempt.invocation], self._scope.timers
         command = Start(attempt.id, attempt.operation, attempt.arguments, serves.state, serves.tries)
         step.commands.append(command)
         if attempt.timeout is not None:
-            self._scope.timers.arm("timeout", attempt.id, step.now, attempt.timeout)
+            # The limit of one that is updated goes on with the next attempt.
+            is_updated = self._invoke(serves).update is not None
+            timers.arm("timeout", serves.id if is_updated else attempt.id, step.now, attempt.timeout)
+        self._await_update(serves, step)
+
+    def _await_update(self, invocation: Invocation, step: Macrostep) -> None:
+        """Set the time of the next update; if that is an error now, the step has it, and none follows."""
+        update = self._invoke(invocation).update
+        if update is None:
+            return
+        try:
+            delay = period(update.evaluate(self._scope.see(invocation.state, step, _cause(invocation))))
+        except Exception as problem:
+            step.fail(invocation.state, f"{update.place}: update: {reason(problem)}")
+            return
+        self._scope.timers.arm("update", invocation.id, step.now, delay)
 
     def _start_waiting(self, step: Macrostep) -> bool:
         """Start the attempts whose resources have become free; say whether there were any."""
@@ -416,18 +451,94 @@ class Operations:
             self._start(attempt, step)
         return bool(free)
 
+    def update(self, attempt_id: str, step: Macrostep) -> None:
+        """Send an accepted attempt's arguments anew where they have changed: the time for that has come.
+
+        A server that has not answered the last update, or has not ended what that replaced, gets none.
+        """
+        attempt = self._scope.memory.attempts[attempt_id]
+        invocation = self._scope.memory.invocations[attempt.invocation]
+        self._await_update(invocation, step)
+        claims = (claim for claim in self._scope.memory.claims if not claim.waits)
+        is_busy = any(claim.updated == invocation.name or _meets(claim, attempt) for claim in claims)
+        if attempt.phase is not Phase.ACCEPTED or attempt.answer is not None or is_busy:
+            return
+        arguments = self.new_arguments(invocation, attempt, step)
+        if arguments is None:
+            return
+        number, uses = f"a{self._scope.memory.fresh_id()}", attempt.uses
+        after = Attempt(
+            number, invocation.name, attempt.operation, arguments, uses, Phase.REQUESTED, "", attempt.timeout
+        )
+        self._scope.memory.attempts[number] = after
+        invocation.attempt = number
+        self._move(attempt, "updated", step)
+        step.commands.append(
+            Start(number, after.operation, arguments, invocation.state, invocation.tries, attempt.id)
+        )
+
+    def new_arguments(
+        self, invocation: Invocation, attempt: Attempt, step: Macrostep
+    ) -> Mapping[str, Any] | None:
+        """Return the arguments as they are now; None where they are the attempt's, or are not known."""
+        invoke = self._invoke(invocation)
+        try:
+            env = self._scope.see(invocation.state, step, _cause(invocation))
+            found = self._arguments_of(invoke).evaluate(env)
+        except UnknownValue:
+            return None
+        except Exception as problem:
+            step.note(f"{attempt.operation} is not updated: {invoke.place}: {reason(problem)}")
+            return None
+        return None if found == attempt.arguments else found
+
+    def _replaced(self, invocation: Invocation) -> Attempt | None:
+        """Return the attempt that the current one of an invocation has replaced, unless it has ended."""
+        if self._invoke(invocation).update is None:
+            return None
+        memory = self._scope.memory
+        found = (claim.attempt for claim in memory.claims if claim.updated == invocation.name)
+        return next((memory.attempts[name] for name in found), None)
+
     def _cancel_current(self, invocation: Invocation, step: Macrostep) -> None:
         attempt = self._scope.memory.attempts.get(invocation.attempt or "")
         invocation.attempt = None
         if attempt is None:
             return
-        self._scope.timers.disarm("timeout", attempt.id)
+        self._stop_clocks(invocation, attempt)
         if attempt.phase is Phase.WAITING:
             self._move(attempt, "not wanted", step)
         elif not self._forget_answer(attempt, step):
-            step.commands.append(Cancel(attempt.id, attempt.operation))
-            self._scope.timers.arm("cancel", attempt.id, step.now, CANCEL_DEADLINE)
-            self._move(attempt, "not wanted", step)
+            self._cancel(attempt, step)
+        self._cancel_replaced(invocation, step)
+
+    def _stop_clocks(self, invocation: Invocation, attempt: Attempt) -> None:
+        """Stop the deadlines of an attempt that is not waited for any more."""
+        self._scope.timers.disarm("timeout", attempt.id)
+        if self._invoke(invocation).update is not None:
+            self._scope.timers.disarm("timeout", invocation.id)
+            self._scope.timers.disarm("update", invocation.id)
+
+    def _cancel(self, attempt: Attempt, step: Macrostep) -> None:
+        step.commands.append(Cancel(attempt.id, attempt.operation))
+        self._scope.timers.arm("cancel", attempt.id, step.now, CANCEL_DEADLINE)
+        self._move(attempt, "not wanted", step)
+
+    def _cancel_replaced(self, invocation: Invocation, step: Macrostep) -> None:
+        """Cancel what the current attempt has replaced, now that this has ended or is cancelled itself."""
+        replaced = self._replaced(invocation)
+        if replaced is not None:
+            for kind in _ENDING:
+                self._scope.timers.disarm(kind, replaced.id)
+            self._cancel(replaced, step)
+
+    def not_ended(self, attempt_id: str, step: Macrostep) -> None:
+        """Cancel a replaced attempt, which its server has not ended in time."""
+        attempt = self._scope.memory.attempts[attempt_id]
+        step.note(f"{attempt.operation} still works on a goal that was replaced")
+        step.commands.append(Cancel(attempt.id, attempt.operation))
+        self._scope.timers.arm("cancel", attempt.id, step.now, CANCEL_DEADLINE)
+        self._move(attempt, "not ended in time", step)
 
     def _forget_answer(self, attempt: Attempt, step: Macrostep) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
@@ -456,8 +567,13 @@ class Operations:
         elif (attempt.phase, kind) not in LIFE or attempt.answer is not None:
             now = attempt.phase.value if attempt.answer is None else "over: its answer waits for the release"
             step.note(f"dropped: {kind} of attempt {attempt.id}, which is {now}")
+        elif attempt.phase is Phase.REPLACED:
+            self._report_replaced(kind, attempt, event.data, step)
         elif kind == "accepted":
             self._move(attempt, kind, step)
+            replaced = self._replaced(self._scope.memory.invocations[attempt.invocation])
+            if replaced is not None:
+                self._scope.timers.arm("replaced", replaced.id, step.now, CANCEL_DEADLINE)
         elif self._scope.memory.held and not self._may_pass(attempt, kind):
             self._scope.timers.disarm("timeout", attempt.id)
             attempt.phase, attempt.answer = Phase.ACCEPTED, event  # who answers has accepted
@@ -487,6 +603,13 @@ class Operations:
             self._scope.memory.dropped += 1
             step.note(f"dropped: {kind} of attempt {attempt}, which nobody waits for")
 
+    def _report_replaced(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
+        """Drop what a server says about an attempt that an update has replaced."""
+        if kind == "cancel_refused":
+            self._scope.timers.disarm("replaced", attempt.id)
+            self._be_refused(attempt, data["detail"], step)
+        self._move(attempt, kind, step)
+
     def _report_unwanted(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
         if kind == "progress":
             return
@@ -515,13 +638,21 @@ class Operations:
     def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
         invocation = self._scope.memory.invocations[attempt.invocation]
         invocation.attempt = None
+        self._stop_clocks(invocation, attempt)
         self._move(attempt, kind, step)
+        self._cancel_replaced(invocation, step)
         if kind == "done":
             self._signal("done", invocation, Trigger(event=data["result"]), step)
         elif kind == "failed":
             self._failed(invocation, data["code"], data["detail"] or attempt.detail, step)
         else:
             self._failed(invocation, CANCELLED_CODE, "ended by the server", step)
+
+    def of_deadline(self, owner: str) -> str:
+        """Return the attempt that a deadline is about, given its owner: that itself, or its invocation."""
+        if owner in self._scope.memory.attempts:
+            return owner
+        return next(found.attempt or "" for found in self._every() if found.id == owner)
 
     def timed_out(self, attempt_id: str, step: Macrostep) -> None:
         """The attempt took too long: cancel it and count it as failed."""
@@ -608,6 +739,12 @@ class Operations:
         else:
             with_item = Trigger(trigger.event, trigger.error, invocation.item)
             self._end_element(invocation, word, with_item, step)
+
+
+def _meets(claim: ResourceClaim, attempt: Attempt) -> bool:
+    """Say whether a claim is on a resource of an attempt that is another's."""
+    shares = EVERYTHING in claim.uses or not set(attempt.uses).isdisjoint(claim.uses)
+    return shares and claim.attempt != attempt.id
 
 
 def _keeps_nothing(attempt: Attempt) -> bool:

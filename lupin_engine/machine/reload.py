@@ -8,6 +8,8 @@ its additional ones begin as at the start.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase, Timer
@@ -16,6 +18,8 @@ from lupin_engine.machine.snapshot import restore, snapshot
 from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.plugin.builtin import is_builtin
 from lupin_engine.plugin.profile import START
+
+_Machine = TypeVar("_Machine", bound=Machine)
 
 
 def is_idle(machine: Machine) -> bool:
@@ -30,7 +34,7 @@ def is_idle(machine: Machine) -> bool:
     return not memory.invocations and any(rule.target is not None for rules in offered for rule in rules)
 
 
-def successor(machine: Machine, world: World) -> Machine:
+def successor(machine: _Machine, world: World) -> _Machine:
     """Return a machine of another chart on the memory of an idle one; `Machine.go_on` is its first step.
 
     Raises:
@@ -38,7 +42,7 @@ def successor(machine: Machine, world: World) -> Machine:
     """
     memory = restore(machine.chart, machine.snapshot())
     _forget(memory, machine.chart, world.chart)
-    return Machine(world, restore(world.chart, snapshot(world.chart, memory)))
+    return type(machine)(world, restore(world.chart, snapshot(world.chart, memory)))
 
 
 def _forget(memory: Memory, before: Chart, chart: Chart) -> None:

@@ -6,13 +6,12 @@ from collections.abc import Container
 
 from lupin_engine.chart.expressions.evaluation import Environment
 from lupin_engine.chart.model import State, Timer
-from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import InternalEvent, Trigger
 from lupin_engine.machine.inputs import WallClock
 from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Macrostep
-from lupin_engine.machine.timers import seconds
+from lupin_engine.machine.timers import period, seconds
 
 
 class StateTimers:
@@ -96,7 +95,5 @@ class StateTimers:
 
 def _delay(timer: Timer, env: Environment) -> float:
     """Return how long a timer takes; errors of its expression, ValueError: too long, or too often."""
-    found = seconds(timer.due.evaluate(env))
-    if timer.word == "every" and found < MIN_PERIOD:
-        raise ValueError(f"{found:g} s is too often, the shortest is {MIN_PERIOD:g} s")
-    return found
+    due = timer.due.evaluate(env)
+    return period(due) if timer.word == "every" else seconds(due)

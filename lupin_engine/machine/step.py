@@ -352,9 +352,9 @@ def _attempting(memory: Memory) -> list[Attempting]:
                     invocation.tries,
                     attempt.phase.value,
                     attempt.detail,
-                    deadlines.get(attempt.id),
+                    deadlines.get(attempt.id, deadlines.get(invocation.id)),
                     attempt.timeout,
-                    left.get(attempt.id),
+                    left.get(attempt.id, left.get(invocation.id)),
                 )
             )
     return shown

@@ -10,13 +10,14 @@ from bisect import insort
 from operator import itemgetter
 from typing import Any
 
+from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.types import MAX_SECONDS
 
 #: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old,
 #: it becomes half past six.
-NEVER_FROZEN = frozenset({"cancel", "fresh", "at"})
+NEVER_FROZEN = frozenset({"cancel", "replaced", "fresh", "at"})
 #: Between two deadlines that have passed and come now, in seconds.
 _APART = 1e-6
 #: Names of deadlines that are noted when they have passed.
@@ -35,6 +36,18 @@ def seconds(value: Any) -> float:
     if found > MAX_SECONDS:
         raise ValueError(f"{found:g} s is too long to wait; at most 100 years ({MAX_SECONDS:.0f} s)")
     return max(0.0, found)
+
+
+def period(value: Any) -> float:
+    """Return the time between two ticks.
+
+    Raises:
+        ValueError: it is too short, or as `seconds` says.
+    """
+    found = seconds(value)
+    if found < MIN_PERIOD:
+        raise ValueError(f"{found:g} s is too often, the shortest is {MIN_PERIOD:g} s")
+    return found
 
 
 class Timers:

@@ -46,7 +46,6 @@ from .discovery import find_entry_point as find_entry_point
 from .discovery import source_file as source_file
 from .discovery import told as told
 from .domain import DOMAIN as DOMAIN
-from .domain import domain_advice as domain_advice
 from .files import read_domain as read_domain
 from .files import ros_domain as ros_domain
 from .files import user_folder as user_folder

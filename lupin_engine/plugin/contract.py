@@ -163,8 +163,10 @@ class Operation:
     of an attempt that was cancelled; after a timeout the mission waits for that. An operation that `adopts`
     continues after a restart of the orchestrator, unless a hold would end it. One that `replaces` begins
     although the server refuses to end an earlier attempt with the same resource: its server replaces the old
-    order by the new one. It is for ways home. `classes` are results that missions should be proven with, good
-    ones and bad ones; each has the fields in which it differs from the mock's.
+    order by the new one. It is for ways home. The server of one that `updates` takes a new order of the same
+    operation in place of the one it works on, whose end the driver reports as any other: an `invoke` may have
+    `update`. `classes` are results that missions should be proven with, good ones and bad ones; each has the
+    fields in which it differs from the mock's.
     """
 
     doc: str
@@ -177,6 +179,7 @@ class Operation:
     mock: Mock = field(default_factory=Mock)
     adopts: bool = False
     replaces: bool = False
+    updates: bool = False
     classes: tuple[Mapping[str, Any], ...] = ()
 
 

@@ -66,6 +66,8 @@ def _operation_facts(operation: Operation) -> Iterator[tuple[str, str]]:
     yield "when held", HOLDS[operation.on_hold]
     if operation.cut_short:
         yield "when cancelled", "it gives what it gives as far as it came"
+    if operation.updates:
+        yield "when updated", "its server takes a new goal in place of the old one"
     if operation.adopts:
         yield "when restarted", "it goes on"
     if operation.uses:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.domain import ADVICE, DOMAIN, is_domain
+from lupin_engine.plugin.domain import DOMAIN, domain_number
 
 
 def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = os.environ) -> Path:
@@ -30,25 +29,21 @@ def ros_domain(environment: Mapping[str, str] = os.environ) -> int:
     """Return the ROS domain of this process, of which some files have one each; 0 where none is set.
 
     Raises:
-        UsageError: the variable is set, and is no number.
+        UsageError: there is no such domain.
     """
-    text = environment.get(DOMAIN, "").strip()
-    if not text:
-        return 0
-    if not re.fullmatch("[0-9]{1,9}", text):
-        raise UsageError(f"{DOMAIN} is {text!r}: {ADVICE}")
-    return int(text)
+    return read_domain(environment.get(DOMAIN, "").strip() or "0", DOMAIN)
 
 
-def read_domain(text: str) -> int:
-    """Read the number of a ROS domain, as it is given by an option.
+def read_domain(text: str, said: str = "--domain") -> int:
+    """Read the number of a ROS domain, as an option has it, or what else `said` names.
 
     Raises:
         UsageError: there is no such domain.
     """
-    if not is_domain(text):
-        raise UsageError(f"--domain {text!r}: {ADVICE}")
-    return int(text)
+    try:
+        return domain_number(text, said)
+    except ValueError as problem:
+        raise UsageError(str(problem)) from None
 
 
 def _home(variable: str) -> Path:

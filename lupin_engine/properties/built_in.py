@@ -372,7 +372,7 @@ def _hold_stops_all(passage: Passage) -> str | None:
     found = touched(memory.attempts) if passage.before.held else memory.attempts.values()
     moving = [attempt for attempt in found if _moves(passage.chart, attempt.operation)]
     for attempt in moving:
-        if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
+        if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED, Phase.REPLACED):
             name, phase = f"{attempt.operation} ({attempt.id})", attempt.phase.value
             return f"{name} is {phase} while {memory.held[0]} is engaged"
         deadlines = {owner for _, _, kind, (owner, _) in memory.timers if kind == "cancel"}
@@ -391,12 +391,14 @@ def _resources_exclude(passage: Passage) -> str | None:
         return "" if claims else None
     using = [attempts[claim.attempt] for claim in claims]
     begun = {command.operation for command in passage.step.commands if isinstance(command, Start)}
-    working = [one for one in using if one.phase not in (Phase.CANCELLING, Phase.REFUSED)]
+    working = [one for one in using if is_under_way(one)]
     for one in working:
         for other in using:
             shared = [name for name in other.uses if name in one.uses or name == EVERYTHING]
             if other.phase is Phase.REFUSED and one.operation not in begun - _replacing(passage.chart):
                 continue  # it was lost when the other one began, or is replaced by that
+            if other.phase is Phase.REPLACED and other.invocation == one.invocation:
+                continue  # its server takes the other one in place of it
             if other is not one and shared:
                 name, beside = f"{one.operation} ({one.id})", f"{other.operation} ({other.id})"
                 return (

@@ -223,6 +223,7 @@ class Inquiry:
         under_way = [
             f"{one.operation} for {time - one.started:.1f} s"
             + (f" (try {one.tries})" if one.tries > 1 else "")
+            + _updated(sum(at <= time for at in one.updated))
             + (f": {one.progress}" if one.progress else "")
             for one in self._history.attempts.values()
             if one.started <= time and (one.over is None or one.over > time)
@@ -359,3 +360,7 @@ def _starts(step: Step, attempt: str) -> bool:
 
 def _reports(step: Step, value: str) -> bool:
     return step.event.name == "value" and step.event.data["name"] == value
+
+
+def _updated(count: int) -> str:
+    return f" (updated {count} time{'s' if count > 1 else ''})" if count else ""

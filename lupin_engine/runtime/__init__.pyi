@@ -31,6 +31,8 @@ from .journal.recovery import resumed_event as resumed_event
 from .journal.refusals import Refusals as Refusals
 from .journal.replay import resumed as resumed
 from .offer import missions_record as missions_record
+from .places import TargetPlace as TargetPlace
+from .places import TargetPlaces as TargetPlaces
 from .possible import PossibleRecord as PossibleRecord
 from .possible import RequestPreview as RequestPreview
 from .possible import requests_of as requests_of

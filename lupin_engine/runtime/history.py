@@ -24,7 +24,8 @@ class AttemptHistory:
 
     `ended` is the time of the server's answer, `answer` is done, failed or cancelled, and `data` its fields;
     `late`: it came after the cancel, and counts only where it was cut short. `abandoned`: the server did not
-    confirm a cancel in time, and later reports are ignored.
+    confirm a cancel in time, and later reports are ignored. `updated` are the times of its updates, which
+    took its place: these attempts are one here, with the newest `arguments`.
     """
 
     operation: str
@@ -41,6 +42,7 @@ class AttemptHistory:
     answer: str = ""
     data: Mapping[str, Any] = field(default_factory=dict)
     late: bool = False
+    updated: list[float] = field(default_factory=list)
 
     @property
     def over(self) -> float | None:
@@ -65,7 +67,7 @@ class AttemptHistory:
         if self.ended is not None:
             return
         if word == "accepted":
-            self.accepted = time
+            self.accepted = time if self.accepted is None else self.accepted
         elif word == "progress":
             self.progress = str(data["detail"])
         else:
@@ -76,10 +78,10 @@ class AttemptHistory:
 class History:
     """Totals over the steps of one machine.
 
-    `attempts` are by id, in the order of their start; `published` and `reports` the published outcomes, each
-    with its step, and summaries; `lifecycles` the published states in the order of their appearance. `held`
-    are the holds with the times of their changes; `holds` and `broken` the engaged holds and broken
-    invariants, with their steps.
+    `attempts` are by id, in the order of their start; one that was updated is by the last id. `published` and
+    `reports` are the published outcomes, each with its step, and summaries; `lifecycles` the published states
+    in the order of their appearance. `held` are the holds with the times of their changes; `holds` and
+    `broken` the engaged holds and broken invariants, with their steps.
     """
 
     def __init__(self, steps: Iterable[Step] = ()) -> None:
@@ -113,7 +115,11 @@ class History:
         self.broken += [(step, name) for name in step.broken]
 
     def _follow(self, command: Command, step: Step) -> None:
-        if isinstance(command, Start):
+        if isinstance(command, Start) and command.updates in self.attempts:
+            known = self.attempts[command.attempt] = self.attempts.pop(command.updates)
+            known.arguments = command.arguments
+            known.updated.append(step.time)
+        elif isinstance(command, Start):
             self.attempts[command.attempt] = AttemptHistory(
                 command.operation, command.arguments, command.state, command.tries, step.time
             )

@@ -74,6 +74,7 @@ class Comparison:
         yield from self._same("paused", expect.paused, run.view.paused)
         yield from self._same("last_error", expect.last_error, _error(run.view, expect.last_error))
         yield from self._counts("counts", expect.counts, _begins)
+        yield from self._counts("updates", expect.updates, _updates)
         yield from self._counts("cancels", expect.cancels, _cancels)
         yield from self._dropped()
         yield from self._notes()
@@ -391,8 +392,12 @@ def _refusal(step: Step) -> str:
 
 def _begins(command: Command, name: str) -> bool:
     if isinstance(command, Start):
-        return command.operation == name
+        return command.operation == name and not command.updates
     return isinstance(command, Act) and command.action == name
+
+
+def _updates(command: Command, name: str) -> bool:
+    return isinstance(command, Start) and command.operation == name and bool(command.updates)
 
 
 def _cancels(command: Command, name: str) -> bool:

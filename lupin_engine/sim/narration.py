@@ -146,7 +146,13 @@ class _Narrator:
             return f"input.{owner} is looked at again"
         if kind == "retry":
             return "next try"
-        what = {"timeout": "timed out", "cancel": "does not confirm its cancel"}.get(kind, kind)
+        if kind == "update":
+            return "time for an update"
+        what = {
+            "timeout": "timed out",
+            "cancel": "does not confirm its cancel",
+            "replaced": "is still there",
+        }.get(kind, kind)
         return f"{self._attempts[owner].operation if owner in self._attempts else owner} {what}"
 
     def _moved(self, step: Step) -> str:
@@ -168,7 +174,8 @@ def rating(chart: Chart, status: str) -> str:
 
 def _command(command: Command) -> str:
     if isinstance(command, Start):
-        return f"start {command.operation}{_arguments(command.arguments)}"
+        word = "update" if command.updates else "start"
+        return f"{word} {command.operation}{_arguments(command.arguments)}"
     if isinstance(command, Cancel):
         return f"cancel {command.operation}"
     if isinstance(command, Act):

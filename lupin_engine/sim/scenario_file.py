@@ -423,6 +423,9 @@ class ExpectNode(Node):
     counts: Annotated[dict[str, CountNode], NameOf("operation or action", "expect.counts")] = Field(
         default_factory=dict, description="how often an operation was started or an action done"
     )
+    updates: Annotated[dict[str, CountNode], NameOf("operation", "expect.updates")] = Field(
+        default_factory=dict, description="how often an operation was updated while it ran"
+    )
     cancels: Annotated[dict[str, CountNode], NameOf("operation", "expect.cancels")] = Field(
         default_factory=dict, description="how often an operation was cancelled"
     )

@@ -1,7 +1,8 @@
 """Scripted servers: mocks that end operations by their arguments, after given times with given outcomes.
 
 An unscripted operation ends as its plugin's own mock does. Times count from the acceptance of an attempt,
-which comes at once unless the script delays it.
+which comes at once unless the script delays it. An update goes on with the outcome and the time of the goal
+in whose place it is taken.
 """
 
 from __future__ import annotations
@@ -188,6 +189,8 @@ class _ServedAttempt:
     accepted: bool = False
     #: By how many seconds its answer is put off.
     late: float = 0.0
+    #: When the first goal was accepted that it continues.
+    since: float | None = None
 
 
 class Stage:
@@ -251,7 +254,8 @@ class Stage:
         if operation in self._silent:
             return
         distance = distance_of(self._catalog.operations[operation], arguments, self._pose)
-        outcome = self._choose(operation, arguments, distance)
+        _, before = self._updated(operation)
+        outcome = self._choose(operation, arguments, distance) if before is None else before.outcome
         running = _ServedAttempt(operation, arguments, outcome, distance)
         self._running[attempt] = running
         wait = running.outcome.accepted_after
@@ -373,15 +377,32 @@ class Stage:
         running = self._running.get(attempt)
         if running is None:
             return
+        before, replaced = self._updated(running.operation)
+        if replaced is not None:
+            del self._running[before]
+            running.late, running.since = replaced.late, replaced.since
         running.accepted = True
+        running.since = self._now() if running.since is None else running.since
         outcome = running.outcome
         self.outlet.accepted(attempt)
+        if replaced is not None:
+            self.outlet.cancelled(before)
         missing = ", ".join(self._missing) if running.operation == READY else ""
         if outcome.progress or missing:
             self.outlet.progress(attempt, outcome.progress or missing)
         if not outcome.never:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
-            self._later(after, lambda: self._come_to_end(attempt, outcome))
+            assert not isinstance(after, Between), "every duration was drawn"
+            left = max(0.0, running.since + after - self._now())
+            self._later(left, lambda: self._come_to_end(attempt, outcome))
+
+    def _updated(self, operation: str) -> tuple[str, _ServedAttempt | None]:
+        """Return the goal in whose place the server takes a new one."""
+        if self._catalog.operations[operation].updates:
+            for attempt, running in self._running.items():
+                if running.operation == operation and running.accepted:
+                    return attempt, running
+        return "", None
 
     def _come_to_end(self, attempt: str, outcome: MockOutcome) -> None:
         """End an attempt now, or as much later as `delay` has put it off; one that has ended is ignored."""

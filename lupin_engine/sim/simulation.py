@@ -611,7 +611,8 @@ class Simulation:
     def _notice_beginnings(self, step: Step) -> None:
         """Schedule the happenings that wait for an entered state or a started operation."""
         begun = [(name, "") for name in step.entered]
-        begun += [("", command.operation) for command in step.commands if isinstance(command, Start)]
+        starts = (each for each in step.commands if isinstance(each, Start) and not each.updates)
+        begun += [("", each.operation) for each in starts]
         for entered, started in begun:
             for index, happening in list(self._waiting.items()):
                 if happening.is_meant(entered, started):

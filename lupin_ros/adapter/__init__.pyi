@@ -4,6 +4,7 @@ from .action_driver import ActionOperation as ActionOperation
 from .action_driver import ActionServer as ActionServer
 from .actions import ActionHost as ActionHost
 from .environment import child_environment as child_environment
+from .environment import distribution as distribution
 from .host import Every as Every
 from .host import Repeater as Repeater
 from .host import TimerHandle as TimerHandle

@@ -42,6 +42,12 @@ def rclpy_source() -> RclpySource | None:
     return "wheels" if Path(found.origin).is_relative_to(sys.prefix) else "apt"
 
 
+def distribution() -> str:
+    """Return the name of the ROS 2 distribution, such as `jazzy`; '' where nothing says it."""
+    wheels = Path(sysconfig.get_path("platlib")).glob("ros_*_rclpy-*.dist-info")
+    return os.environ.get("ROS_DISTRO") or next((wheel.name.split("_")[1] for wheel in wheels), "")
+
+
 def rclpy_problem() -> str:
     """Return why an existing rclpy cannot be imported by this process; '' when it can."""
     try:

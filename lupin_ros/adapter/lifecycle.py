@@ -17,9 +17,14 @@ from rclpy.context import Context
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from lupin_engine.errors import shortened
+from lupin_engine.plugin import Code
 
 #: The parameter by which a node is left to a lifecycle manager; nodes of Nav2 have it as well.
 AUTOSTART = "autostart_node"
+#: What is reported of a node that is not active.
+NOT_ACTIVE = Code(
+    "inactive", "not active", advice="Configure and activate the node by its lifecycle services."
+)
 _AUTOSTART_DOC = "whether the node configures and activates itself; false: a lifecycle manager does"
 #: The transitions that leave `active`, by number and by name.
 _LEAVING = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN, "deactivate", "shutdown")

@@ -61,8 +61,8 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from lupin_engine.errors import UsageError
-from lupin_engine.plugin import MAX_SECONDS
+from lupin_engine.errors import Severity, UsageError
+from lupin_engine.plugin import MAX_SECONDS, Code
 from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
@@ -74,7 +74,7 @@ from lupin_ros.adapter.actions import (
 from lupin_ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
 from lupin_ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
-from lupin_ros.adapter.lifecycle import ManagedNode
+from lupin_ros.adapter.lifecycle import NOT_ACTIVE, ManagedNode
 from lupin_ros.adapter.logs import COUNT_S, NodeLog, guarded
 from lupin_ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_ros.adapter.peers import (
@@ -114,6 +114,16 @@ PEER_CHECK_PERIOD_S = 5.0
 
 #: This many exceptions outside callbacks within one second are a broken node, not a bad message.
 MAX_FAILURES_PER_SECOND = 20
+
+#: Codes of a node's own troubles in its diagnostics; of a trouble without one.
+TOO_LARGE = Code("message_too_large", "a message is too large", advice="Send less in one message.")
+MISMATCH = Code(
+    "other_peers",
+    "peers have other types, or serve the same name",
+    Severity.ERROR,
+    "Use the same interface packages on both sides, and one server for a name.",
+)
+UNNAMED = Code("", "")
 
 #: Nodes that are named by their process, and the enclave of SROS2 that they run in.
 _OF_PEOPLE = re.compile(r"lupin_\w+_\d+")
@@ -292,7 +302,7 @@ class RosNode:
         node.autostart()
         node.refused, node.changed = self.log.warning, self._state_changed
         self._executor.inactive = lambda: self.inactive
-        self.trouble("lifecycle", self.inactive)
+        self.trouble("lifecycle", self.inactive, NOT_ACTIVE)
 
     def on_inactive(self, left: Callable[[], object] = str, hindrance: Callable[[], str] = str) -> None:
         """Run `left` when the managed node has left `active`; `hindrance` returns why it may not, else ''."""
@@ -301,7 +311,7 @@ class RosNode:
 
     def _state_changed(self, was_active: bool) -> None:
         self.log.info("lifecycle", state=self.inactive or "active")
-        self.trouble("lifecycle", self.inactive)
+        self.trouble("lifecycle", self.inactive, NOT_ACTIVE)
         for left in self._left_callbacks if was_active else ():
             self.guarded(left)()
 
@@ -435,7 +445,7 @@ class RosNode:
             return
         problem = f"{topic}: messages of more than {limit} bytes are refused"
         self._refused.add(topic)
-        self.trouble(topic, problem)
+        self.trouble(topic, problem, TOO_LARGE)
         self.log.error(problem)
 
     def subscribe_raw(
@@ -540,15 +550,16 @@ class RosNode:
         found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
         for finding in sorted(found - self._logged_findings):
             self.log.error(finding)
+        self.trouble("peers", "; ".join(sorted(found)), MISMATCH)
         self._logged_findings, self._seen_rivals = found, rivals
 
-    def trouble(self, about: str, problem: str) -> None:
-        """Report a trouble on /diagnostics from now on; '' when it is over."""
-        if self._vitals is None:
-            return
-        self._vitals.troubles.pop(about, None)
-        if problem:
-            self._vitals.troubles[about] = problem
+    def trouble(self, about: str, problem: str, code: Code = UNNAMED) -> None:
+        """Report a trouble on /diagnostics from now on; '' when it is over.
+
+        `code` has its severity and advice.
+        """
+        if self._vitals is not None:
+            self._vitals.trouble(about, problem, code)
 
     # --- running ----------------------------------------------------------------------------------------
 

@@ -1,7 +1,9 @@
-"""Publishes diagnostics of a node once a second on /diagnostics, as a standard DiagnosticArray.
+"""Publishes diagnostics of a node once a second on /diagnostics, as a DiagnosticArray by REP 107.
 
-It has processor time, memory and uptime of the process; the same and the free disk of the machine; and the
-publishing rate of each topic. It warns when memory or disk runs out, and of the node's own troubles.
+The status of the node, by its full name, has processor time, memory and uptime of the process; the same and
+the free disk of the machine; and the publishing rate of each topic. Each trouble has a status of its own,
+`NODE: SUBJECT`, with its code, cause and advice; once over, it is reported as OK. So has a shortage of the
+machine. The status of the node has the worst level of all, and their texts.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import shutil
 import socket
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from lupin_engine.plugin import user_folder
+from lupin_engine.errors import Severity
+from lupin_engine.plugin import Code, user_folder
 from lupin_ros.adapter.qos import Qos
 
 #: The standard topic of diagnostics.
@@ -27,8 +31,14 @@ DIAGNOSTICS_TOPIC = "/diagnostics"
 REPORT_S = 1.0
 #: Less than this share of the machine's memory, or less than so many bytes of its disk, is a warning.
 LITTLE_MEMORY, LITTLE_DISK = 0.05, 1e9
-#: The text of the last report of a node that ends properly.
-ENDED = "ended"
+#: The text of the last report of a node that ends properly, and of a subject without trouble.
+ENDED, FINE = "ended", "no trouble"
+LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+#: The subject of what the machine lacks, and its code.
+MACHINE = "machine"
+SHORT = Code(
+    "machine_short", "the machine is short of something", advice="Remove old recordings and journals."
+)
 
 _PROC = Path("/proc")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -43,6 +53,26 @@ class CountedPublisher(Publisher):
         """Publish a message."""
         self.sent += 1
         super().publish(msg)
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Something that is wrong, or was: then without a problem. The code has the severity and the advice."""
+
+    problem: str
+    code: Code
+
+    @property
+    def level(self) -> bytes:
+        """Its level of a DiagnosticStatus."""
+        is_error = self.code.severity is Severity.ERROR
+        return bytes(LEVELS[is_error + 1 if self.problem else 0])
+
+    @property
+    def values(self) -> Mapping[str, str]:
+        """What a person needs to know about it."""
+        found = {"code": self.code.name, "cause": self.problem, "advice": self.code.advice}
+        return {key: value for key, value in found.items() if value and self.problem}
 
 
 class Vitals:
@@ -61,8 +91,8 @@ class Vitals:
         self._at, self._used, self._machine = started, time.process_time(), machine_ticks()
         self._sent: dict[str, int] = {}
         self._ended = False
-        #: The node's own troubles, by their subject.
-        self.troubles: dict[str, str] = {}
+        #: The troubles that there are or were, by their subject.
+        self.troubles = {MACHINE: Trouble("", SHORT)}
 
     def report(self, now: float) -> None:
         """Publish a report; `now` is of a steady clock, in seconds."""
@@ -77,9 +107,15 @@ class Vitals:
             "disk free (GB)": f"{disk.free / 1e9:.1f}",
             "disk (GB)": f"{disk.total / 1e9:.1f}",
         }
-        warnings = [*self.troubles.values(), *shortages(memory, disk.free)]
-        level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
-        self._publish(level, "; ".join(warnings) or "running", values)
+        self.trouble(MACHINE, "; ".join(shortages(memory, disk.free)), SHORT)
+        level = max(each.level for each in self.troubles.values())
+        problems = [each.problem for each in self.troubles.values() if each.problem]
+        self._publish(level, "; ".join(problems) or "running", values)
+
+    def trouble(self, about: str, problem: str, code: Code) -> None:
+        """Report a trouble from now on; '' when it is over."""
+        if problem or about in self.troubles:
+            self.troubles[about] = Trouble(problem, code)
 
     def end(self) -> None:
         """Publish that the node ends properly, so that it is not missed; twice does no harm."""
@@ -109,11 +145,15 @@ class Vitals:
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         name = self._node.get_fully_qualified_name()
-        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        array.status = [
-            DiagnosticStatus(level=level, name=name, message=message, hardware_id=self._host, values=pairs)
-        ]
+        array.status = [self._status(level, name, message, values)]
+        for about, each in self.troubles.items():
+            own = level if level == DiagnosticStatus.STALE else each.level
+            array.status.append(self._status(own, f"{name}: {about}", each.problem or FINE, each.values))
         self._publisher.publish(array)
+
+    def _status(self, level: bytes, name: str, message: str, values: Mapping[str, str]) -> DiagnosticStatus:
+        pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+        return DiagnosticStatus(level=level, name=name, message=message, hardware_id=self._host, values=pairs)
 
 
 def sent_by(publishers: Iterable[Any]) -> dict[str, int]:

@@ -89,7 +89,8 @@ class BringupSettings:
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
     that must be started here, each with the option that requires it: a running one would ignore the option.
     `patience` is how long a mission may wait for an operator, in seconds; None is for ever. `respawn`:
-    restart nodes that die. `compose`: let nodes share a process; None: where the robot is simulated.
+    restart nodes that die. `compose`: let nodes share a process; None: where the robot is simulated. With
+    `stays_in_fault` an orchestrator in a fault is left to an operator.
     """
 
     profile: Profile
@@ -103,6 +104,7 @@ class BringupSettings:
     patience: float | None = None
     respawn: bool = True
     compose: bool | None = None
+    stays_in_fault: bool = False
 
 
 class _OperatorView:
@@ -276,7 +278,12 @@ class Bringup:
         """Return the servers that the orchestrator waits for; RunFailed after a fault of our own one."""
         lifecycle, stages = self._progress.lifecycle, self._settings.profile.stages
         if lifecycle in stages.faulted and self.owns_orchestrator:
-            raise RunFailed(f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}")
+            problem = f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}"
+            reset = self._settings.profile.verbs.get("reset")
+            advice = f"; mend it, then `lupin {reset}`" if reset else ""
+            if not self._settings.stays_in_fault:
+                raise RunFailed(problem + advice.replace("then", "then `lupin up`, and beside it"))
+            self._observer.note(problem + advice, Severity.ERROR)
         if lifecycle not in stages.starting:
             return []
         details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]

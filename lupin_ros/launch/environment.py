@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lupin_engine.errors import UsageError
-from lupin_engine.plugin import DOMAIN, domain_advice, ros_domain
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.plugin import DOMAIN, ros_domain
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 
@@ -25,10 +25,12 @@ def close_the_doors(domain: int | None = None) -> None:
     close_the_range()
     if domain is not None:
         os.environ[DOMAIN] = str(domain)
-    advice = {DOMAIN: domain_advice(), RANGE: range_advice(), PEERS: peers_advice()}
-    problems = [f"{name} is {os.environ[name]!r}: {text}" for name, text in advice.items() if text]
-    if problems:
-        raise UsageError("\n".join(problems))
+    problems = Problems(UsageError)
+    with problems.collecting():
+        ros_domain()
+    advice = {RANGE: range_advice(), PEERS: peers_advice()}
+    problems.add(*(f"{name} is {os.environ[name]!r}: {text}" for name, text in advice.items() if text))
+    problems.raise_any()
 
 
 def range_advice() -> str:

@@ -35,7 +35,6 @@ from lupin_engine.missions import (
 )
 from lupin_engine.plugin import (
     DOMAIN,
-    domain_advice,
     entry_points,
     load_catalog,
     load_profiles,
@@ -49,7 +48,6 @@ from lupin_ros.interfaces.type_hashes import local_hash
 from lupin_ros.launch.dds_discovery import exposed
 from lupin_ros.launch.environment import (
     PEERS,
-    current_domain,
     open_to,
     peers_advice,
     range_advice,
@@ -177,8 +175,9 @@ def look_at_interfaces() -> Iterator[Finding]:
 
 def look_at_network() -> Iterator[Finding]:
     """Check the ROS domain and the settings of discovery; note what other computers can reach."""
-    domain, advice = os.environ.get(DOMAIN, "").strip(), domain_advice()
-    yield Finding(DOMAIN, domain or "not set: 0", "problem" if advice else "ok", advice)
+    domain, advice = _domain()
+    shown = os.environ.get(DOMAIN, "").strip() or "not set: 0"
+    yield Finding(DOMAIN, shown, "problem" if advice else "ok", advice)
     doors, advice = os.environ.get(RANGE, ""), range_advice()
     if advice:
         yield Finding(RANGE, doors, "problem", advice)
@@ -191,10 +190,18 @@ def look_at_network() -> Iterator[Finding]:
     closed = Finding("open to", "this machine only")
     yield Finding("open to", "others, too", "note", doors) if doors else closed
     yield from _permissions()
-    heard = 0 if domain_advice() else exposed(current_domain())
+    heard = 0 if domain is None else exposed(domain)
     if heard:
-        found = f"{heard} participant{'s' * (heard > 1)} of domain {current_domain()} on this machine"
+        found = f"{heard} participant{'s' * (heard > 1)} of domain {domain} on this machine"
         yield Finding("listening to others", found, "note", "other computers can find and command these")
+
+
+def _domain() -> tuple[int | None, str]:
+    """Return the ROS domain of this process, or None with advice where there is no such domain."""
+    try:
+        return ros_domain(), ""
+    except UsageError as problem:
+        return None, str(problem).rpartition(": ")[2]
 
 
 def _permissions() -> Iterator[Finding]:
@@ -231,7 +238,8 @@ def look_at_left_overs() -> Iterator[Finding]:
         yield Finding("shared memory", f"{len(stale)} stale files, {size:.1f} MB", "note", advice)
     else:
         yield Finding("shared memory", "nothing stale")
-    nodes = [] if domain_advice() else list(running_nodes(current_domain()))
+    domain, _ = _domain()
+    nodes = [] if domain is None else list(running_nodes(domain))
     if nodes:
         processes = ", ".join(f"{name} ({pid})" for pid, name in nodes)
         advice = "a run uses them, or they were started by hand; `kill PID` stops one"

@@ -28,6 +28,7 @@ from lupin_engine.plugin import (
     Parameter,
     Profile,
     Publish,
+    classify,
 )
 from lupin_engine.runtime import Journal, JournalHead, Keep, Refusals, journal_folder
 from lupin_ros.adapter.host import Slices
@@ -342,7 +343,8 @@ class JournalGate:
     def _fault_changed(self, problem: str) -> None:
         """Report a disk fault or its end; a fault holds the mission where required, unless it returns."""
         where = f"{problem}: {self.folder}"
-        self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
+        code = classify(UNRECORDED_CODE, {})
+        self._ros.trouble("journal", problem and f"{code.label}: {where}", code)
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
             self._loop.post(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))

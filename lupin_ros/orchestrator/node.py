@@ -43,6 +43,7 @@ from lupin_ros.orchestrator.clients import PluginClients
 from lupin_ros.orchestrator.displays import Displays
 from lupin_ros.orchestrator.journal_gate import JournalGate
 from lupin_ros.orchestrator.loop import Loop
+from lupin_ros.orchestrator.markers import MarkerPublisher
 from lupin_ros.orchestrator.mission_action import MissionAction
 from lupin_ros.orchestrator.missions import OWN_PARAMETERS, MissionSwitch
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
@@ -86,6 +87,7 @@ class Orchestrator:
         missions = MissionSwitch(ros, folder, loop, records, gate, clients)
         requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
         Displays(ros, clock, loop)
+        MarkerPublisher(ros, clock, loop)
         self._ros, self._clock, self._loop, self._engine = ros, clock, loop, engine
         self._gate, self._publisher, self._records = gate, publisher, records
         self._clients, self._missions, self._requests = clients, missions, requests

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from lupin_engine.errors import Severity
 from lupin_engine.machine import NOTHING, PROPERTY_BROKEN, Event, Machine, Moment, Report, Step, View
-from lupin_engine.plugin import START, Channel, Fields, Publish, Wire
+from lupin_engine.plugin import PROPERTY_CODE, START, Channel, Fields, Publish, Wire, classify
 from lupin_engine.runtime import JournalRecord, outcomes_of
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.interfaces.definitions import interface_class
@@ -62,7 +63,14 @@ class StepPublisher:
         for old in self._broken if not name else ():
             self._ros.trouble(f"property {old}", "")
         self._broken = {*self._broken, name} if name else set()
-        self._ros.trouble(f"property {name}", detail)
+        if name:
+            self._ros.trouble(f"property {name}", detail, classify(PROPERTY_CODE, {}))
+
+    def _show_code(self, step: Step, view: View) -> None:
+        """Show the mission's worst code in the diagnostics, until the next mission begins."""
+        code = classify(view.code, self._loop.chart.codes)
+        problem = ": ".join(filter(None, (code.label, view.detail)))
+        self._ros.trouble("mission", problem if code.severity > Severity.INFO else "", code)
 
     def failed(self, problem: Exception) -> None:
         """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
@@ -129,6 +137,7 @@ _PARTS = (
     StepPublisher._publish_state,
     StepPublisher._publish_step,
     StepPublisher._record_step,
+    StepPublisher._show_code,
     StepPublisher._follow,
 )
 

@@ -30,6 +30,9 @@ COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22
 #: The action by which a program runs a mission, and its type; pages have the service instead.
 RUN_ACTION, RUN_TYPE = "mission/run", "lupin_engine_msgs/action/RunMission"
 
+#: The targets for RViz, below the node's namespace.
+MARKERS_TOPIC, MARKERS_TYPE = "lupin/markers", "visualization_msgs/msg/MarkerArray"
+
 #: How every node is, once a second (diagnostic_msgs/msg/DiagnosticArray); a name of ROS.
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
@@ -40,7 +43,7 @@ DRAW_TYPE, EXPLAIN_TYPE = "lupin_engine_msgs/srv/Draw", "lupin_engine_msgs/srv/E
 #: Which of these people's pages may use.
 ACCESS = Access(
     viewer=(
-        *(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC),
+        *(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC, f"/{MARKERS_TOPIC}"),
         *(DRAW_SERVICE, EXPLAIN_SERVICE),
     ),
     operator=(COMMAND_SERVICE, ANSWER_SERVICE.format("*")),

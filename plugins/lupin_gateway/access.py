@@ -60,6 +60,10 @@ class Use(enum.Enum):
     ACTION = "commanding the action"
 
 
+#: Returns why a client may not use a name so, or know of it; '' where it may.
+UseRefusal = Callable[[Use, str], str]
+
+
 @dataclass(frozen=True)
 class Visitor:
     """An authenticated client: name, role, and until when, in seconds of the wall clock (UNIX).

@@ -33,15 +33,21 @@ from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 
 #: Which stops are engaged, and the link (JSON in a std_msgs/String); the service that resets one by name.
 STOPS_TOPIC, RESET_STOP = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
-#: What pages ask about the network. Parameters of nodes, which may have passwords, are not for viewers.
-_ASKED = ("action_servers", "action_type", "get_time", "message_details", "nodes", "service_type", "services")
+#: What clients ask about the network. Parameters of nodes, which may have passwords, are not for viewers.
+_ASKED = (
+    *("get_ros_version", "get_time", "interfaces", "message_details", "node_details", "nodes"),
+    *("topics", "topic_type", "topics_for_type", "publishers", "subscribers"),
+    *("services", "service_type", "services_for_type", "service_node", "service_providers"),
+    *("service_request_details", "service_response_details", "action_servers", "action_type"),
+    *("action_goal_details", "action_result_details", "action_feedback_details"),
+)
 #: What the gateway itself has for pages.
 OWN_ACCESS = Access(
     viewer=(
         *(STOP_TOPIC, STOPS_TOPIC, BASE_TOPIC, PEOPLE_TOPIC, NOTIFICATIONS_TOPIC, HERE),
-        *(f"/rosapi/{name}" for name in (*_ASKED, "topic_type", "topics")),
+        *(f"/rosapi/{name}" for name in _ASKED),
     ),
-    operator=(RESET_STOP, TAKE_BASE, COMMANDS, ACKNOWLEDGE, "/rosapi/*"),
+    operator=(RESET_STOP, TAKE_BASE, COMMANDS, ACKNOWLEDGE, "/rosapi/*", "*/list_parameters"),
 )
 #: Who the gateway itself is in the audit log.
 _GATEWAY = {"who": "gateway", "role": "", "from": "", "page": ""}
@@ -283,6 +289,10 @@ class Guard:
                 use = Use.ACTION
             case _:
                 return ""
+        return self.use_refusal(use, name)
+
+    def use_refusal(self, use: Use, name: str) -> str:
+        """Return why the client may not use a name so, or know of it; '' where it may. From every thread."""
         return self._rules.allowed.refusal(self.visitor, use, name)
 
     def _motion_refusal(self, operation: protocol.Operation) -> str:

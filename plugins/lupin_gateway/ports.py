@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from lupin_gateway.access import UseRefusal
 from lupin_gateway.encoding import Sample
 from lupin_gateway.hub import Feed
 
@@ -68,8 +69,11 @@ class RosPort(Protocol):
     ) -> Callable[[], None]:
         """Send a goal; return the function that cancels it. `done` is called once, also after a cancel."""
 
-    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
-        """Answer a call of `/rosapi/QUESTION` as `call` does; False where there is no such question."""
+    def ask(self, question: str, data: Any, refusal: UseRefusal, done: Callable[[Any], None]) -> bool:
+        """Answer a call of `/rosapi/QUESTION` as `call` does; False where there is no such question.
+
+        `refusal` decides of which names the client learns.
+        """
 
 
 class HistoryPort(Protocol):

@@ -180,7 +180,7 @@ class Session:
             return
         if operation.service.startswith(ROSAPI):
             question = operation.service[len(ROSAPI) :]
-            if not self._ros.ask(question, operation.arguments, answer):
+            if not self._ros.ask(question, operation.arguments, self._guard.use_refusal, answer):
                 answer(CallFailed(f"{operation.service}: the gateway does not offer it"))
             return
         limit = self._limits.of(operation.service, operation.timeout)

@@ -127,6 +127,7 @@ OPERATIONS: Mapping[str, Operation] = {
                 optional=True,
             ),
         },
+        updates=True,  # Nav2 gives up an old goal for a new one
         codes=(*DRIVE_CODES, DRIFTED),
         uses=("base",),
         on_hold=OnHold.CANCEL,

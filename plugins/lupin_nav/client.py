@@ -18,7 +18,7 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.plugin import Outlet, pose_fields
+from lupin_engine.plugin import Code, Outlet, pose_fields
 from lupin_greenhouse import StopListener, StopState, frame_name
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import Charges, charge
@@ -40,6 +40,13 @@ from lupin_ros.adapter import (
 
 #: The text for people when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"
+#: What the diagnostics warn of.
+_UNKNOWN = Code(
+    "battery_silent",
+    "the charge of the battery is unknown",
+    advice="Look whether the node that publishes the topic runs.",
+)
+_STOPPED = Code("stopped", "the robot is stopped", advice="Look why, release the stop, then resume.")
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0
 #: Looks at the battery within the time after which a silent source is unknown.
@@ -287,7 +294,7 @@ class NavClient:
     def _report_battery(self) -> None:
         worst, silent = self._charges.worst(self._battery_looks), self._charges.silent(self._battery_looks)
         topics = ", ".join(silent)
-        self._ros.trouble("battery", topics and f"the charge of the battery is unknown: {topics} is silent")
+        self._ros.trouble("battery", topics and f"{_UNKNOWN.label}: {topics} is silent", _UNKNOWN)
         if worst is not None:
             source, fraction = worst
             if source != self._battery_source:
@@ -300,7 +307,7 @@ class NavClient:
         self._report("robot.estop", state.engaged)
         if state.engaged:
             self._ros.log.warning(self._estop.reason)
-        self._ros.trouble("stop", self._estop.reason)
+        self._ros.trouble("stop", self._estop.reason, _STOPPED)
 
     def _report(self, name: str, value: Any) -> None:
         if not self._closed:

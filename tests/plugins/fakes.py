@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin.contract import Code, Plugin
 
 if TYPE_CHECKING:
     from lupin_ros.adapter.actions import GoalCallbacks
@@ -195,7 +195,8 @@ class FakeRos:
         self.remote.name = name
         return self.remote
 
-    def trouble(self, about: str, problem: str) -> None:
+    def trouble(self, about: str, problem: str, code: Code) -> None:
+        assert code.advice
         self.troubles[about] = problem
 
     def timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:

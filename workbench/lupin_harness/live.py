@@ -105,6 +105,17 @@ def keeps_attempts_apart(lab: Lab, operation: str) -> None:
             raise ContractBroken(f"{second} is cancelled, and only {first} was to be")
 
 
+def takes_updates(lab: Lab, operation: str) -> None:
+    """Of an operation that `updates`, a second attempt ends the one that was accepted, and is done."""
+    with lab.bench() as bench:
+        bench.prepare(operation)
+        first = bench.begin(operation)
+        bench.until_heard(first)
+        second = bench.begin(operation)
+        bench.until_done(second)
+        bench.until_ended(first)
+
+
 def ignores_strangers(lab: Lab) -> None:
     """A cancel of an unknown attempt is ignored."""
     with lab.bench() as bench:
@@ -205,7 +216,10 @@ RULES: Mapping[str, Callable[[Lab], None]] = MappingProxyType(
     }
 )
 OPERATION_RULES: Mapping[str, Callable[[Lab, str], None]] = MappingProxyType(
-    {rule.__name__: rule for rule in (ends_once, is_cancelled, is_cancelled_at_once, keeps_attempts_apart)}
+    {
+        rule.__name__: rule
+        for rule in (ends_once, is_cancelled, is_cancelled_at_once, keeps_attempts_apart, takes_updates)
+    }
 )
 
 
@@ -217,7 +231,9 @@ def live_cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
     for rule in OPERATION_RULES:
         for name, operation in plugin.operations.items():
             # Of two attempts that use the same, the engine lets the second wait for the end of the first.
-            if rule != keeps_attempts_apart.__name__ or not operation.uses:
+            is_shared = not operation.uses and not operation.updates
+            about = {keeps_attempts_apart.__name__: is_shared, takes_updates.__name__: operation.updates}
+            if about.get(rule, True):
                 yield rule, name
 
 

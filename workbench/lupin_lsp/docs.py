@@ -182,6 +182,7 @@ def operation(name: str, found: Operation) -> str:
         f"Uses: {', '.join(found.uses)}." if found.uses else "",
         _ON_HOLD[found.on_hold],
         "Cancelled, it gives its result as far as it came." if found.cut_short else "",
+        "Its server takes a new goal in place of the old one." if found.updates else "",
         "It goes on when the orchestrator was started again." if found.adopts else "",
     )
 

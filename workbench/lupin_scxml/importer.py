@@ -290,7 +290,8 @@ class _Importer:
             "with": self._content.params(invoke, None),
             "timeout": timeout,
         }
-        return _slim({**given, "retry": retry})
+        update = invoke.get(f"{OURS}update")
+        return _slim({**given, "retry": retry, "update": measure(update) if update else ""})
 
     # -- transitions ----------------------------------------------------------------------------------------
 

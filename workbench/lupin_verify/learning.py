@@ -176,6 +176,10 @@ class _MissionReader:
                 self._spent[name, self._drive] = minutes + (time - since) / 60.0, lost + level - value
 
     def _begin(self, command: Start, target: str) -> None:
+        if command.updates in self._begun:
+            self._begun[command.attempt] = self._begun.pop(command.updates)
+            self._drive = command.attempt if self._drive == command.updates else self._drive
+            return
         operation = self._chart.catalog.operations[command.operation]
         metres = distance_of(operation, command.arguments, self._pose)
         self._begun[command.attempt] = target, metres

@@ -27,7 +27,7 @@ from lupin_engine.chart.compose.declare import (
     read_refusals,
 )
 from lupin_engine.chart.compose.diverts import Diverts
-from lupin_engine.chart.compose.invoke import InvokeReader
+from lupin_engine.chart.compose.invoke import PERIOD, InvokeReader
 from lupin_engine.chart.compose.outs import Outs
 from lupin_engine.chart.compose.timeless import own_name, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
@@ -73,7 +73,6 @@ from lupin_engine.chart.model import (
     TemporalProperty,
     Timer,
 )
-from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN, MAX_TARGETS, TIME_ZONE
@@ -88,8 +87,6 @@ ITINERARY = Type(
     "itinerary",
     fields={"open": BOOL, "remaining": COUNT, "total": COUNT, "closed": COUNT, "sweep": COUNT},
 )
-#: The time between two ticks of an `every`.
-PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
 #: How often a chart is looked at for what its events carry, if one follows from another.
 MAX_LEARNED = 4
 

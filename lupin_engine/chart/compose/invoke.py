@@ -8,7 +8,7 @@ from typing import Any
 from lupin_engine.chart.compose.actions import ActionReader
 from lupin_engine.chart.compose.declare import Declarer, check_code
 from lupin_engine.chart.documents import ElementEndNode, ForEachNode, InvokeNode, LimitNode, RetryNode
-from lupin_engine.chart.expressions.evaluation import Value
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value, roots_of
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import (
     PerElement,
@@ -22,6 +22,7 @@ from lupin_engine.chart.expressions.values import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
+from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Map
 from lupin_engine.plugin.contract import OPERATION_CODES, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
@@ -30,6 +31,10 @@ from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type
 _SOME = Type("integer", "count", minimum=1)
 _FACTOR = Type("number", "number", minimum=1)
 _SHARE = Type("number", "share", minimum=0, maximum=1)
+#: The time between two ticks of an `every`, or two updates of an operation.
+PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
+#: Roots of the environment that keep their values while a state is active.
+_CONSTANT_IN_A_STATE = frozenset({"param", "request", "given", "event", "functions"})
 
 
 class InvokeReader:
@@ -51,7 +56,9 @@ class InvokeReader:
         #: Names of all operations that were read.
         self.used: set[str] = set()
 
-    def read(self, node: InvokeNode, scope: Scope, path: str) -> Invoke | None:
+    def read(
+        self, node: InvokeNode, scope: Scope, path: str, *, is_of_element: bool = False
+    ) -> Invoke | None:
         """Read an operation with its limits; None when there is none of that name."""
         operation = self._catalog.operations.get(node.do)
         if operation is None:
@@ -72,7 +79,36 @@ class InvokeReader:
         self._check_on_hold(node, operation, path)
         on_hold = "" if node.on_hold == "again" else node.on_hold
         classes = tuple(self._classes(node, operation, f"{path}.classes"))
-        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry, on_hold, classes)
+        update = read_key(node, "update", PERIOD, scope, self._findings, path)
+        if node.update is not None:
+            self._check_update(node, operation, arguments, f"{path}.update", is_of_element)
+        return Invoke(
+            node.do, operation, arguments, node.place, timeout, code, retry, on_hold, classes, update
+        )
+
+    def _check_update(
+        self,
+        node: InvokeNode,
+        operation: Operation,
+        arguments: Mapping[str, Value],
+        path: str,
+        is_of_element: bool,
+    ) -> None:
+        """Report an operation that cannot be updated, or of which no argument can change."""
+        at = node.key_at("update")
+        if is_of_element:
+            problem = "the operation for an element keeps the arguments that it began with"
+            self._findings.add(at, "not-updated", path, problem, "leave 'update' out")
+        elif not operation.updates:
+            problem = f"{node.do} does not say that its server takes a new goal in place of the old one"
+            hint = (
+                "leave the state and enter it again; if the server does, write 'updates: true' in its binding"
+            )
+            self._findings.add(at, "not-updated", path, problem, hint)
+        elif arguments.keys() >= node.with_.keys() and not any(map(_may_change, arguments.values())):
+            problem = f"no argument of {node.do} can change while it runs, so it is never updated"
+            hint = "read an input or a variable under 'with', or leave 'update' out"
+            self._findings.warn(at, "not-updated", path, problem, hint)
 
     def _classes(self, node: InvokeNode, operation: Operation, path: str) -> Iterator[Mapping[str, Any]]:
         """Yield results that a proof tries as well; each has the differences from the usual one."""
@@ -164,7 +200,7 @@ class InvokeReader:
         )
         limit = read_key(node, "limit", _SOME, around, findings, path)
         when = read_condition(node, "when", inner, findings, path)
-        invoke = self.read(node.invoke, inner, f"{path}.invoke")
+        invoke = self.read(node.invoke, inner, f"{path}.invoke", is_of_element=True)
         done = self._end(node.on_done, inner.with_names(names_when_done(invoke)), f"{path}.on_done")
         error = self._end(node.on_error, inner.with_names(names_when_failed(invoke)), f"{path}.on_error")
         if items is None or key is None or invoke is None:
@@ -180,6 +216,14 @@ class InvokeReader:
 
     def _end(self, node: ElementEndNode | None, scope: Scope, path: str) -> tuple[ActionCall, ...]:
         return self._actions.read(node.do, scope, f"{path}.do") if node else ()
+
+
+def _may_change(argument: Value) -> bool:
+    """Say whether an argument can have another value later in the same state."""
+    if not isinstance(argument, Expression):
+        return False
+    code = argument.evaluate.code if isinstance(argument.evaluate, Compiled) else ""
+    return not code or not roots_of(code) <= _CONSTANT_IN_A_STATE
 
 
 def names_when_done(invoke: Invoke | None) -> Mapping[str, Type]:

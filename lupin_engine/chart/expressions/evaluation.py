@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -166,6 +167,9 @@ _GLOBALS: dict[str, Any] = {
 }
 
 
+_ROOT = re.compile(r"\benv\['(\w+)'\]")
+
+
 def to_function(code: str) -> Callable[[Environment], Any]:
     """Compile checked code to a function of the environment."""
     function: Callable[[Environment], Any] = eval(f"lambda env: {code}", _GLOBALS)
@@ -190,6 +194,11 @@ class Compiled:
         if self._function is None:
             self._function = to_function(self.code)
         return self._function
+
+
+def roots_of(code: str) -> frozenset[str]:
+    """Return the roots of the environment that checked code reads."""
+    return frozenset(_ROOT.findall(code))
 
 
 def never(_: Environment) -> bool:

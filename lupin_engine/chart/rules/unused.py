@@ -23,7 +23,7 @@ def unused_parameter(index: Index) -> Iterator[Diagnostic]:
     """
     rule, chart, known = "unused-parameter", index.chart, index.composed.declared.parameters
     for name, place in _declared(index, "parameter"):
-        if name in index.composed.usage.parameters or known[name].type is MISTAKEN:
+        if name in index.composed.usage.parameters or (name in known and known[name].type is MISTAKEN):
             continue
         problem, path = f"nothing reads the parameter {name!r}", f"params.{name}"
         if place.file in chart.lifecycle_files[1:]:

@@ -41,9 +41,14 @@ WATCH_S, GONE_AFTER_S = 0.5, 3.0
 
 def service_type(ros: RosNode, name: str) -> str:
     """Return the type of a served service; '' where no node serves it."""
-    requests, _ = service_channels(name)
-    servers = ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True)
+    servers = service_servers(ros, name)
     return type_name(servers[0]).removesuffix("_Request") if servers else ""
+
+
+def service_servers(ros: RosNode, name: str) -> list[Any]:
+    """Return the ends of a service's channel of requests at its servers."""
+    requests, _ = service_channels(name)
+    return list(ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True))
 
 
 def action_type(ros: RosNode, name: str) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from lupin_gateway.access import UseRefusal
 from lupin_gateway.encoding import Sample
 from lupin_gateway.motion import STOPPED
 from lupin_gateway.motion.names import MotionNames
@@ -156,11 +157,11 @@ class RosAdapter:
         self._actions.cancel_all()
         self._publishers.halt(self.moving)
 
-    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
+    def ask(self, question: str, data: Any, refusal: UseRefusal, done: Callable[[Any], None]) -> bool:
         """Answer a call of `/rosapi/QUESTION` by `done`; False where there is no such question."""
         if question not in self._rosapi.questions:
             return False
-        self._ros.post(lambda: self._rosapi.answer(question, data, partial(self._post, done)))
+        self._ros.post(lambda: self._rosapi.answer(question, data, refusal, partial(self._post, done)))
         return True
 
 

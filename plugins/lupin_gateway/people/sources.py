@@ -12,8 +12,10 @@ from lupin_gateway.people.notifications import ERROR, WARNING, Notifications
 
 #: A node that was heard once a second and is silent for so long is lost, in seconds.
 SILENT_S = 5.0
-#: Levels of a diagnostic_msgs/DiagnosticStatus: in need of something, and ended by itself.
-WARN, STALE = 1, 3
+#: Levels of a diagnostic_msgs/DiagnosticStatus: all is well, and ended by itself.
+OK, STALE = 0, 3
+#: The end of the name of a status about a machine.
+MACHINE = ": machine"
 
 
 class StepNotices:
@@ -59,19 +61,23 @@ class NodeNotices:
         self._heard: dict[str, float] = {}
 
     def take(self, status: Mapping[str, Any], at: float, now: float) -> None:
-        """Take a status of /diagnostics, `now` of the steady clock; only those of nodes count."""
+        """Take a status of /diagnostics, `now` of the steady clock; those of nodes and of machines count."""
         name, level, machine = str(status["name"]), int(status["level"]), str(status["hardware_id"])
         if not name.startswith("/"):
+            return
+        if name.endswith(MACHINE):
+            if level in (OK, STALE):
+                self._notifications.end("machine", machine, at)
+            elif machine not in self._notifications.lasting("machine"):
+                self._notifications.add("machine", machine, WARNING, str(status["message"]), at)
+            return
+        if ": " in name:  # a trouble of a node, which the mission's codes report
             return
         self._notifications.end("node", name, at)
         if level == STALE:
             self._heard.pop(name, None)
-            return
-        self._heard[name] = now
-        if level != WARN:
-            self._notifications.end("machine", machine, at)
-        elif machine not in self._notifications.lasting("machine"):
-            self._notifications.add("machine", machine, WARNING, str(status["message"]), at)
+        else:
+            self._heard[name] = now
 
     def look(self, at: float, now: float) -> None:
         """Notify of nodes that were silent for `SILENT_S`."""

@@ -12,6 +12,7 @@ from typing import Any
 
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin import PageMessage, PageSource
+from lupin_gateway.access import Use, UseRefusal
 from lupin_gateway.encoding import Sample, as_json
 from lupin_gateway.guard import STOPS_TOPIC
 from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC
@@ -145,13 +146,14 @@ class SourceAdapter:
         asyncio.get_running_loop().call_soon(done, CallFailed(self._no("has no actions", action)))
         return lambda: None
 
-    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
+    def ask(self, question: str, data: Any, refusal: UseRefusal, done: Callable[[Any], None]) -> bool:
         """Answer `get_time` and `topics`; every other question is `CallFailed`. Always True."""
         if question == "get_time":
             rest, seconds = math.modf(self._source.clock(self._steady()) / 1000.0)
             done({"time": {"sec": int(seconds), "nanosec": int(rest * 1e9)}})
         elif question == "topics":
-            done({"topics": list(self._types), "types": list(self._types.values())})
+            known = {name: kind for name, kind in self._types.items() if not refusal(Use.SUBSCRIBE, name)}
+            done({"topics": list(known), "types": list(known.values())})
         else:
             done(CallFailed(self._no("has no network", f"/rosapi/{question}")))
         return True

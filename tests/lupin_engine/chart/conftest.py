@@ -34,7 +34,9 @@ NAV = Plugin(
     name="nav",
     doc="Driving.",
     operations={
-        "localize": Operation("Wait until the pose is known.", arguments={"max_variance": VARIANCE}),
+        "localize": Operation(
+            "Wait until the pose is known.", arguments={"max_variance": VARIANCE}, updates=True
+        ),
         "go_to": Operation(
             "Drive to a pose.",
             arguments={"pose": POSE_ARGUMENT, "max_variance": VARIANCE},

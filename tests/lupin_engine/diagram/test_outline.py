@@ -97,7 +97,11 @@ def test_an_operation_around_other_states_is_shown(words: Picture) -> None:
         "do / nav.localize ≤ 10 s",
         "tries: 3",
     )
-    assert box(words, "BOTH").text == ("do / nav.localize", "read.failed [event.far] / set reason")
+    assert box(words, "BOTH").text == (
+        "do / nav.localize",
+        "updated every 1 s",
+        "read.failed [event.far] / set reason",
+    )
     assert box(words, "toured").text == ("result / set walked",)
 
 

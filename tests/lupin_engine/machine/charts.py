@@ -51,7 +51,7 @@ PLACE = Place("test.yaml", 1, 1)
 
 #: Operations that tests invoke: two that drive, one that does so beside one that refuses to end, one that
 #: uses nothing, two that use the arm and may go on while held, one of them with an argument that has a range,
-#: one that uses both.
+#: one that uses both; a drive and a lamp that can be updated.
 DRIVE = Operation("drive", uses=("base",), on_hold=OnHold.CANCEL)
 DOCK = Operation("dock", uses=("base",), on_hold=OnHold.CANCEL)
 HOME = Operation("home", uses=("base",), on_hold=OnHold.CANCEL, replaces=True)
@@ -60,9 +60,14 @@ LOOK = Operation("look", uses=("arm",), on_hold=OnHold.FINISH)
 TURN = Argument(within(NUMBER, 0.0, 2.0), "how far")
 BEND = Operation("bend", {"by": TURN}, uses=("arm",), on_hold=OnHold.FINISH)
 CARRY = Operation("carry", uses=("base", "arm"), on_hold=OnHold.CANCEL)
+PATH = {"path": Argument(NUMBER, "where to"), "speed": Argument(NUMBER, "how fast", 1.0)}
+FOLLOW = Operation("follow", PATH, uses=("base",), on_hold=OnHold.CANCEL, updates=True)
+SHOW = Operation("show", PATH, updates=True, adopts=True)
 GIVE = Operation("give", result={"flowed": NUMBER}, on_hold=OnHold.CANCEL, cut_short=True)
 OPERATIONS = {
     "valve.give": GIVE,
+    "nav.follow": FOLLOW,
+    "lamp.show": SHOW,
     "nav.go": DRIVE,
     "nav.dock": DOCK,
     "nav.home": HOME,
@@ -253,6 +258,7 @@ def _invoke(described: str | Mapping[str, Any]) -> Invoke:
         timeout_code=fields.get("timeout_code"),
         retry=retry,
         on_hold=fields.get("on_hold", ""),
+        update=optional(fields, "update"),
     )
 
 

@@ -18,6 +18,10 @@ STATES: dict[str, Any] = {
     "A": {"invoke": "nav.go", "on_done": "B", "on_error": "C", "on": {"away": "C", "dock": "D"}},
     "B": {"on": {"again": "A"}},
     "C": {"on": {"again": "A", "dock": "D"}},
+    "U": {
+        "invoke": {"do": "nav.follow", "update": 1.0, "with": {"path": lambda env: env["context"]["n"]}},
+        "on": {"away": "C", "more": {"do": [("set", {"n": 2.0})]}},
+    },
     "D": {"invoke": "nav.dock", "on_done": "B", "on_error": "C", "on": {"away": "C", "again": "A"}},
 }
 REPORTS = ("accepted", "done", "failed", "cancelled", "cancel_refused")
@@ -40,7 +44,15 @@ def newest(bench: Bench) -> Attempt:
 
 def reach(phase: Phase) -> tuple[Bench, str]:
     """Return a bench with an attempt in a phase."""
-    bench = Bench(chart(STATES))
+    bench = Bench(chart(STATES, context={"n": 1.0}, initial="U" if phase is Phase.REPLACED else "A"))
+    if phase is Phase.REPLACED:
+        old = bench.attempt
+        bench.send(events.accepted(old))
+        bench.send("more")
+        bench.wait(1.0)
+        bench.send(events.accepted(bench.attempt))
+        assert bench.machine.memory.attempts[old].phase is phase
+        return bench, old
     if phase is Phase.WAITING:
         bench.send("dock")
     if phase is Phase.ACCEPTED:
@@ -63,6 +75,11 @@ def let(word: str, bench: Bench, attempt: str) -> None:
     elif word == "not wanted":
         bench.send("away")
     elif word == "no answer in time":
+        is_replaced = bench.machine.memory.attempts[attempt].phase is Phase.REPLACED
+        bench.wait(2 * CANCEL_DEADLINE if is_replaced else CANCEL_DEADLINE)
+    elif word == "updated":
+        pass  # `reach` has done that
+    elif word == "not ended in time":
         bench.wait(CANCEL_DEADLINE)
     else:
         bench.send(said_of(word, attempt))
@@ -71,7 +88,7 @@ def let(word: str, bench: Bench, attempt: str) -> None:
 @pytest.mark.parametrize(("phase", "word"), LIFE, ids=lambda given: getattr(given, "value", given))
 def test_an_attempt_lives_as_the_table_says(phase: Phase, word: str) -> None:
     """From its phase, by that word, to the next phase or its end."""
-    bench, attempt = reach(phase)
+    bench, attempt = reach(Phase.REPLACED if word == "updated" else phase)
     let(word, bench, attempt)
     found = bench.machine.memory.attempts.get(attempt)
     assert (found and found.phase) == LIFE[phase, word]

@@ -381,7 +381,7 @@ def test_a_machine_that_did_nothing_has_nothing_to_tell() -> None:
 
 def test_the_phases_of_an_attempt_have_names() -> None:
     """They stand in what is published and in snapshots, which another version may read."""
-    names = ["waiting", "requested", "accepted", "cancelling", "lost", "refused"]
+    names = ["waiting", "requested", "accepted", "replaced", "cancelling", "lost", "refused"]
     assert [phase.value for phase in Phase] == names
     bench = Bench(chart({"A": {"invoke": "nav.go"}}))
     (attempt,) = bench.machine.view.attempts

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import pwd
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from lupin_cli.main import main
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.domain import is_domain
-from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin.domain import DOMAIN, domain_number
+from lupin_engine.plugin.files import read_domain, ros_domain, user_folder, write_atomically
 
 
 def test_a_file_is_written_and_replaced(tmp_path: Path) -> None:
@@ -90,12 +91,19 @@ def test_the_domain_is_a_number_or_0(said: str, domain: int) -> None:
     assert ros_domain({"ROS_DOMAIN_ID": said}) == domain
 
 
-@pytest.mark.parametrize("said", ["lab", "-1", "5 6", "٣", "1" * 5000])
-def test_a_domain_that_is_no_number_is_refused(said: str) -> None:
-    """Its files are not those of the domain 0."""
-    with pytest.raises(UsageError) as refused:
-        ros_domain({"ROS_DOMAIN_ID": said})
-    assert str(refused.value) == f"ROS_DOMAIN_ID is {said!r}: use a number from 0 to 101 or from 215 to 232"
+WRONG = ["lab", "-1", "5 6", "٣", "²", "1.0", "010", "0x10", "102", "214", "233", "1" * 5000]
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_what_is_no_domain_is_refused(said: str) -> None:
+    """By one rule for the variable and the option; only the latter may not be empty."""
+    told = f"is {said!r}: use a number from 0 to 101 or from 215 to 232"
+    for read, name in ((lambda: ros_domain({DOMAIN: said}), DOMAIN), (lambda: read_domain(said), "--domain")):
+        with pytest.raises(UsageError) as refused:
+            read()
+        assert str(refused.value) == f"{name} {told}"
+    with pytest.raises(UsageError):
+        read_domain("")
 
 
 def test_a_domain_has_ports_that_nobody_else_gets() -> None:
@@ -104,19 +112,18 @@ def test_a_domain_has_ports_that_nobody_else_gets() -> None:
     for number in range(300):
         ports = [7400 + 250 * number + offset for offset in range(110)]
         alone = ports[-1] < 65536 and not any(port in handed_out for port in ports)
-        assert is_domain(str(number)) is alone, number
-
-
-@pytest.mark.parametrize("said", ["", "lab", "-1", "1.0", "²", "010", "0x10", "1 2", "9" * 5000])
-def test_what_ros_would_read_otherwise_is_no_domain(said: str) -> None:
-    """Rcl reads a number that begins with 0 as octal or hexadecimal."""
-    assert not is_domain(said)
+        with nullcontext() if alone else pytest.raises(ValueError, match="use a number"):
+            assert domain_number(str(number)) == number
 
 
 @pytest.mark.parametrize("words", [["graph"], ["record"], ["state"], ["twin", "show"], ["invite", "anna"]])
-def test_every_verb_has_the_same_domains(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """102 and 214 are none, for nobody."""
+def test_every_verb_has_the_same_domains(
+    words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """102 and 214 are none, for nobody, however they are given."""
     for number in ("102", "214"):
-        assert main([*words, "--domain", number]) == 2
-        told = f"lupin: --domain '{number}': use a number from 0 to 101 or from 215 to 232\n"
-        assert capsys.readouterr().err == told
+        for said, options in (("--domain", ["--domain", number]), (DOMAIN, [])):
+            monkeypatch.setenv(DOMAIN, "0" if options else number)
+            assert main([*words, *options]) == 2
+            told = f"lupin: {said} is '{number}': use a number from 0 to 101 or from 215 to 232\n"
+            assert capsys.readouterr().err == told

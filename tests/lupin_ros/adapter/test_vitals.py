@@ -11,6 +11,8 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Int32
 
+from lupin_engine.errors import Severity
+from lupin_engine.plugin.contract import Code
 from lupin_ros.adapter import vitals
 from lupin_ros.adapter.node import Qos, RosNode
 from tests.lupin_ros.helpers import spin_until
@@ -45,6 +47,33 @@ def test_a_node_tells_its_process_its_machine_and_the_rates_of_its_topics(make_n
     assert 0 < float(values["processor (%)"]) < 400
     assert 0 <= float(values["machine processor (%)"]) <= 100
     assert 0 < float(values["disk free (GB)"]) <= float(values["disk (GB)"])
+
+
+def test_each_trouble_has_a_status_with_its_cause_and_advice(make_node: MakeNode) -> None:
+    """By REP 107: `NODE: SUBJECT`; the node's own has the worst level. What is over is reported as OK."""
+    talker, listener = make_node("talker"), make_node("listener")
+    found: dict[str, DiagnosticStatus] = {}
+
+    def take(array: DiagnosticArray) -> None:
+        found.update((status.name, status) for status in array.status if status.name.startswith("/talker"))
+
+    listener.subscribe(DiagnosticArray, "/diagnostics", Qos.EVENT, take)
+    pump = Code("pump_dry", "the pump is dry", Severity.ERROR, "Fill the tank.")
+    talker.trouble("pump", "the pump is dry: tank 2", pump)
+    talker.trouble("lamp", "one lamp of two is dark")
+    spin_until([talker, listener], lambda: "/talker: pump" in found)
+    assert {name: (one.level, one.message) for name, one in found.items()} == {
+        "/talker": (DiagnosticStatus.ERROR, "the pump is dry: tank 2; one lamp of two is dark"),
+        "/talker: machine": (DiagnosticStatus.OK, "no trouble"),
+        "/talker: pump": (DiagnosticStatus.ERROR, "the pump is dry: tank 2"),
+        "/talker: lamp": (DiagnosticStatus.WARN, "one lamp of two is dark"),
+    }
+    assert {one.hardware_id for one in found.values()} == {socket.gethostname()}
+    told = {each.key: each.value for each in found["/talker: pump"].values}
+    assert told == {"code": "pump_dry", "cause": "the pump is dry: tank 2", "advice": "Fill the tank."}
+    talker.trouble("pump", "", pump)
+    spin_until([talker, listener], lambda: found["/talker: pump"].message == "no trouble")
+    assert (found["/talker: pump"].level, found["/talker"].level) == (b"\0", DiagnosticStatus.WARN)
 
 
 def test_a_node_that_ends_as_it_should_says_so(make_node: MakeNode) -> None:

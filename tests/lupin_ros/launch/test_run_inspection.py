@@ -173,7 +173,9 @@ def test_an_absent_action_server_is_named(lupin: Start) -> None:
     begin = "lupin: the orchestrator is in FAULT: dependency_timeout: "
     assert told.startswith(begin)
     # On a busy machine the bridge may not be there yet either.
-    assert "action server navigate_to_pose" in told.removeprefix(begin).split(", ")
+    waited, _, advice = told.removeprefix(begin).partition("; ")
+    assert "action server navigate_to_pose" in waited.split(", ")
+    assert advice == "mend it, then `lupin up`, and beside it `lupin reset`"
 
 
 def test_an_engaged_emergency_stop_refuses_the_start(lupin: Start) -> None:

@@ -89,7 +89,7 @@ class Robot:
         self.goals.append((action, data))
         return lambda: done(GoalEnd(5, {}))
 
-    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
+    def ask(self, question: str, data: Any, refusal: Any, done: Callable[[Any], None]) -> bool:
         done({"time": {"secs": 1, "nsecs": 0}})
         return True
 

@@ -125,11 +125,14 @@ def test_a_node_that_ends_as_it_should_is_not_lost() -> None:
 def test_a_machine_that_runs_out_of_something_is_told_once() -> None:
     found = Notifications()
     nodes = NodeNotices(found)
-    for name in ("/one", "/other"):
+    nodes.take(status("/one: stop", 1, "the robot is stopped"), 1.0, 1.0)
+    for name in ("/one: machine", "/other: machine"):
         nodes.take(status(name, 1, "the disk is nearly full"), 1.0, 1.0)
     assert as_data(found) == [("machine", "robot", 1, None)]
-    nodes.take(status("/one"), 2.0, 2.0)
+    nodes.take(status("/one: machine", 0, "no trouble"), 2.0, 2.0)
     assert as_data(found) == [("machine", "robot", 1, 2.0)]
+    nodes.look(100.0, 100.0)
+    assert len(as_data(found)) == 1, "what has trouble is no node that could be silent"
 
 
 def test_stops_are_told_by_who_engaged_them() -> None:

@@ -79,7 +79,7 @@ def test_keys_of_a_binding_are_offered(folder: Folder) -> None:
     folder.put(path, folder.text(path) + "    \n")
     offered = {offer.label for offer in complete(folder, path, len(folder.text(path)) - 1).found}
     expected = {"action", "code_when", "cut_short", "progress", "rejected", "result", "unavailable"}
-    assert offered == {*expected, "on_restart", "watch"}
+    assert offered == {*expected, "on_restart", "updates", "watch"}
 
 
 @pytest.mark.parametrize(

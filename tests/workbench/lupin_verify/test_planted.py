@@ -20,6 +20,7 @@ from lupin_engine.machine.requests import Requests
 from lupin_engine.machine.step import Refusal
 from lupin_engine.machine.timers import Timers
 from lupin_engine.missions.load import load_chart
+from lupin_engine.plugin.types import NUMBER
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
 from lupin_verify.outcomes import OUTCOMES
@@ -99,6 +100,7 @@ def test_all_is_well_without_a_defect() -> None:
     """What is planted below stands in charts in which nothing else is wrong."""
     assert broken(trip()) == set()
     assert broken(walk()) == set()
+    assert broken(_follow()) == set()
 
 
 #: What is broken where something goes round for ever.
@@ -199,6 +201,7 @@ FILES: dict[str, set[str]] = {
     "timeouts_of_a_wait": {"not_late"},
     "default_that_decides": {"not_strong"},
     "one_after_another": {"too_late"},
+    "updated": {"begins_once"},
 }
 
 
@@ -232,6 +235,15 @@ def test_a_restart_counts_for_properties() -> None:
     assert len(found["goes_on"].moves) == 2  # how long the process was gone nobody knows
     calm = prove(make_world(of, {}), Bounds(restarts=False))
     assert not {"kept", "goes_on", "recovers"} & {one.name for one in (*calm.broken, *calm.not_shown)}
+
+
+def _follow() -> Chart:
+    """Return a trip whose drive is updated."""
+    path = {"path": lambda env: env["input"]["path"]}
+    drive = {"do": "nav.follow", "with": path, "update": 1.0, "timeout": 30.0, "timeout_code": "late"}
+    states = {**TRIP, "GO": {**TRIP["GO"], "invoke": drive}}
+    inputs, codes = {"path": {"initial": 1.0, "type": NUMBER}}, {"late": "late"}
+    return chart(states, holds={"pause": PAUSE}, inputs=inputs, codes=codes)
 
 
 def _growing_old() -> Chart:
@@ -373,6 +385,12 @@ def _stay_begun(self: Operations, invocation: Any, why: str, step: Any) -> None:
     invocation.begun = True
 
 
+def _without_replacing(self: Operations, attempt: Any, word: str, step: Any) -> None:
+    """Lead an attempt on, but for one that was updated."""
+    if word != "updated":
+        MOVE(self, attempt, word, step)
+
+
 def _skip_one(self: Itineraries, traversal: Any, step: Any) -> None:
     """Go on to the target after the next one."""
     ADVANCE(self, traversal, step)
@@ -397,6 +415,7 @@ def _begin_eagerly(self: EntryExit, state: Any, *how: Any) -> None:
 #: What mutants fall back to.
 ARM, ENTER, ADVANCE, PUBLISH = Timers.arm, EntryExit.enter, Itineraries.advance, Itineraries.publish
 REPORT_UNWANTED, INTERRUPT = Operations._report_unwanted, Operations._interrupt
+MOVE = Operations._move
 
 #: What is planted -> where, what stands there instead, the chart, and a property that must be found broken.
 ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
@@ -414,6 +433,20 @@ ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
         "_before",
         lambda *_: None,
         trip,
+        "resources_exclude",
+    ),
+    "what an update replaced is left behind": (
+        Operations,
+        "_cancel_replaced",
+        _nothing,
+        lambda: _follow(),
+        "hold_stops_all",
+    ),
+    "an update beside a goal that goes on": (
+        Operations,
+        "_move",
+        _without_replacing,
+        lambda: _follow(),
         "resources_exclude",
     ),
     "a refusal without a reason": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -41,7 +42,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
-    settings = given.settings()
+    settings = replace(given.settings(), stays_in_fault=True)
     from lupin_ros.launch import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:

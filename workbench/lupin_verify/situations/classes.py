@@ -215,7 +215,7 @@ class Classes:
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
             return self._distinguished(read, [*counts, *usual, *self._numbers([read], kind)])
-        return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
+        return self._variants(read, kind, self.sample(kind, 1) if usual is None else usual)
 
     def _lists(self, read: Read, kind: Type, usual: Any) -> list[Any]:
         """Return lists of every length from 0 on: an empty one may have to be refused.
@@ -225,7 +225,7 @@ class Classes:
         """
         given = list(usual) if isinstance(usual, list) else []
         items = given[: self.targets]
-        samples = [self._sample(kind, n) for n in range(1, self.targets + 1)]
+        samples = [self.sample(kind, n) for n in range(1, self.targets + 1)]
         apart = _apart(self.compared.elements(read, kind), kind)
         kinds = self._kinds_of(read, given, kind)
         if not items:
@@ -314,7 +314,7 @@ class Classes:
                 found = [value for value in found if len(value) <= most]
             return [*found, *more]
         kind = within(kind, spec.minimum, spec.maximum)
-        usual = self._sample(kind, 1)
+        usual = self.sample(kind, 1)
         if kind.kind in ("number", "integer"):
             return [*(self._numbers([("input", each.name) for each in specs], kind) or [usual]), *more]
         return [usual, *self._others(read, kind, usual), *more]
@@ -324,7 +324,7 @@ class Classes:
         for name, kind in sorted(self.chart.catalog.events.items()):
             if name in heard or any(e.endswith("*") and name.startswith(e[:-1]) for e in heard if e):
                 fields = {
-                    field: self._variants(("event", field), of, self._sample(of, 1))
+                    field: self._variants(("event", field), of, self.sample(of, 1))
                     for field, of in kind.fields.items()
                 }
                 yield from (Event(name, data) for data in self._combined(name, fields))
@@ -336,7 +336,7 @@ class Classes:
         declared = self._operations[operation]
         mocked = declared.mock.result
         known = mocked(arguments, self.world.parameters) if callable(mocked) else mocked
-        usual = {name: self._sample(kind, 1) for name, kind in declared.result.items()} | dict(known)
+        usual = {name: self.sample(kind, 1) for name, kind in declared.result.items()} | dict(known)
         fields = {
             name: self._variants(("event", name), kind, usual[name]) for name, kind in declared.result.items()
         }
@@ -413,7 +413,7 @@ class Classes:
         for name, of in kind.named.items():
             if self.compared.decides((*read, name)):
                 known = part(usual, name)
-                value = self._sample(of, 1) if known is None else known
+                value = self.sample(of, 1) if known is None else known
                 parts[name] = [*self._variants((*read, name), of, value), None]
         others = [one for one in usual if one["name"] not in parts]
         for found in self._combined(self._shown(read), parts):
@@ -423,19 +423,19 @@ class Classes:
     def _of_list(self, kind: Type, usual: Sequence[Any]) -> list[Any]:
         most = int(min(self.targets, kind.maximum if kind.maximum is not None else self.targets))
         assert kind.item is not None
-        items = [*usual, *(self._sample(kind.item, n) for n in range(len(usual) + 1, max(1, most) + 1))]
+        items = [*usual, *(self.sample(kind.item, n) for n in range(len(usual) + 1, max(1, most) + 1))]
         return [items[:count] for count in range(max(1, most) + 1)]
 
-    def _sample(self, kind: Type, number: int) -> Any:
+    def sample(self, kind: Type, number: int) -> Any:
         """Return a sample of a type; other numbers give other samples, where there are others."""
         if kind.kind == "bool":
             return number % 2 == 0
         if kind.kind in ("number", "integer"):
             return _sample_number(kind, number)
         if kind.kind == "record":
-            return {name: self._sample(of, number) for name, of in kind.fields.items()}
+            return {name: self.sample(of, number) for name, of in kind.fields.items()}
         if kind.kind == "list":
-            return [self._sample(kind.item, number)] if kind.item is not None and not kind.named else []
+            return [self.sample(kind.item, number)] if kind.item is not None and not kind.named else []
         if kind.kind != "text":
             return None
         if kind.values:

@@ -24,9 +24,11 @@ from lupin_engine.machine import (
     EvaluationScope,
     ExecutableContent,
     Inputs,
+    Invocation,
     Machine,
     Macrostep,
     Memory,
+    Operations,
     Phase,
     Report,
     Reported,
@@ -181,6 +183,7 @@ class SituationExplorer:
         if move.timer[0] != "fresh":
             machine.restore_known_false(memory.fetch(self.table.index[KNOWN_FALSE]))
         begins_anew = self.chart.profile.stages.begins_anew
+        machine.updates.changes = not move.unchanged
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
@@ -405,7 +408,7 @@ class SituationExplorer:
         if any(walk is not None and walk.sweeps == 0 for walk in walks):
             found |= Is.ENDLESS
         for attempt in attempts:
-            if attempt.operation in self._moving and attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
+            if attempt.operation in self._moving and attempt.phase in _UNDER_WAY:
                 found |= Is.MOVES
         return found
 
@@ -461,7 +464,35 @@ class _TrackedContent(ExecutableContent):
             memory.read_lazily(names, slot)
 
 
-class _TrackedMachine(Machine):
+class ChosenUpdates(Operations):
+    """The operations of a machine of which the caller chooses whether an update finds new arguments."""
+
+    __slots__ = ("changes",)
+
+    def __init__(self, *of_machine: Any) -> None:
+        super().__init__(*of_machine)
+        self.changes = True
+
+    def new_arguments(
+        self, invocation: Invocation, attempt: Attempt, step: Macrostep
+    ) -> Mapping[str, Any] | None:
+        """Return the same arguments as if they were new, or None, as was chosen."""
+        return attempt.arguments if self.changes else None
+
+
+class ChosenMachine(Machine):
+    """A machine with such operations."""
+
+    __slots__ = ()
+    operations = ChosenUpdates
+
+    @property
+    def updates(self) -> ChosenUpdates:
+        """Its operations."""
+        return cast(ChosenUpdates, self._operations)
+
+
+class _TrackedMachine(ChosenMachine):
     """A machine on a tracked memory."""
 
     __slots__ = ()
@@ -535,6 +566,8 @@ _COMPUTED: Mapping[str, Callable[[Memory], Any]] = {
     "unfinished": unfinished,
     "history": lambda memory: tuple(memory.history.items()),
 }
+#: The phases of attempts that may move the robot, and that nobody has cancelled.
+_UNDER_WAY = (Phase.REQUESTED, Phase.ACCEPTED, Phase.REPLACED)
 #: The first events of a resumed process, and of a new one.
 _RESTARTS = (RESUMED, "start")
 _OF_VISITS = ("closed_once",)

@@ -18,7 +18,7 @@ _EVERY_START = ("mission_id", "mission_type", "attempt")
 def move_text(chart: Chart, move: WorldMove) -> str:
     """Return a move in words."""
     if move.event is None:
-        return _deadline(chart, *move.timer)
+        return _deadline(chart, *move.timer) + (", with the same arguments" if move.unchanged else "")
     name, data = move.event.name, move.event.data
     if move.event is LOADED:
         return "the missions are reloaded"
@@ -63,6 +63,8 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
         "at": f"the time of day comes in {where}",
         "ask": f"nobody has answered in {where}",
         "retry": f"{where}: next try of {operation}",
+        "update": f"{where}: time for an update of {operation}",
+        "replaced": f"{where}: {operation} has not ended what an update replaced",
         "timeout": f"{where}: {operation} timed out",
         "cancel": f"{where}: {operation} does not confirm its cancel",
     }

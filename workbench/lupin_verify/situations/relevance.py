@@ -124,6 +124,7 @@ class Relevance:
         #: The codes that conditions distinguish from all others; None: any, as one is not understood.
         self.codes = distinguished_codes(chart)
         self._cause = {name: _reads_event(invoke) for name, invoke in invokes(chart)}
+        self._updated = {name for name, invoke in invokes(chart) if invoke.update is not None}
         #: The states with a `for_each` that stores nothing of an element's end but that it has ended.
         self.keeps_nothing = frozenset(
             name for name, state in chart.states.items() if state.for_each and _keeps_nothing(state.for_each)
@@ -175,8 +176,9 @@ class Relevance:
         if is_abandoned(name):
             return value.uses, value.phase.value
         answer = None if value.answer is None else self._outcome_event("", value.answer)
-        # The machine does not distinguish accepted from requested.
-        phase = Phase.REQUESTED if value.phase is Phase.ACCEPTED and answer is None else value.phase
+        # The machine distinguishes accepted from requested only where it updates an operation.
+        is_same = value.phase is Phase.ACCEPTED and answer is None and value.invocation not in self._updated
+        phase = Phase.REQUESTED if is_same else value.phase
         return value.invocation, value.operation, value.uses, phase.value, value.timeout, answer
 
     def _invocation(self, _: str, value: Invocation) -> Hashable:

@@ -8,15 +8,28 @@ may be no solution, or none is found in these rounds; then there is no run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from lupin_engine.machine import CLOCK, Machine, Step, Timer, successor
+from lupin_engine.machine import (
+    CLOCK,
+    Attempt,
+    Event,
+    Invocation,
+    Machine,
+    Macrostep,
+    Operations,
+    Step,
+    Timer,
+    successor,
+)
 from lupin_engine.machine import event as events
 from lupin_verify.situations.classes import MORNING
-from lupin_verify.situations.explorer import SituationExplorer
+from lupin_verify.situations.explorer import ChosenMachine, ChosenUpdates, SituationExplorer
 from lupin_verify.situations.found import Effect
+from lupin_verify.situations.relevance import reads
 from lupin_verify.situations.situation import Situation, is_new
 from lupin_verify.situations.worlds import (
     LOADED,
@@ -36,6 +49,11 @@ _CERTAINLY = 1e-6
 
 #: How long after a time of day the robot's clock is set to it: so it shows that time in spite of rounding.
 _AFTER = 1e-3
+
+#: The samples of a live value that are tried to change an argument.
+_SAMPLES = (1, 2, 3)
+
+_NO_EVENT = Event("")
 
 _Condition = tuple[int, int, float]
 
@@ -158,6 +176,26 @@ def _conditions(one: Deadline, times: Sequence[float]) -> Iterator[_Condition]:
         yield index, one.armed, GAP / 2 - due(index)
 
 
+class _TimedUpdates(ChosenUpdates):
+    """The updates of a timed run: with other arguments where there are some."""
+
+    __slots__ = ()
+
+    def new_arguments(
+        self, invocation: Invocation, attempt: Attempt, step: Macrostep
+    ) -> Mapping[str, Any] | None:
+        """Return the arguments as they are now, or the same ones as if they were new; None, as was chosen."""
+        found = Operations.new_arguments(self, invocation, attempt, step) if self.changes else None
+        return found or super().new_arguments(invocation, attempt, step)
+
+
+class _TimedMachine(ChosenMachine):
+    """The machine of a timed run."""
+
+    __slots__ = ()
+    operations = _TimedUpdates
+
+
 def _run(
     explorer: SituationExplorer,
     way: Sequence[tuple[Situation, Effect]],
@@ -165,7 +203,7 @@ def _run(
     times: Sequence[float],
 ) -> list[Step] | None:
     """Run the moves on a new machine at their times; None where a step takes other transitions."""
-    machine = Machine(explorer.world)
+    machine: ChosenMachine = _TimedMachine(explorer.world)
     steps = [machine.start(0.0, None if explorer.world.calendar is None else MORNING)]
     names: dict[str, str] = {}
     _rename(names, way[0][1], list(machine.memory.attempts))
@@ -179,6 +217,9 @@ def _run(
         steps += passed
         if move.timer[0] == "at":
             steps.append(_come_to(machine, move.timer, time))
+        if move.timer[0] == "update":
+            machine.updates.changes = not move.unchanged
+            steps += _change_arguments(explorer, machine, move, max(time - GAP / 4, steps[-1].time))
         if move.event is LOADED:
             machine = successor(machine, explorer.world)
             step: Step | None = machine.go_on(time)
@@ -188,6 +229,31 @@ def _run(
             return None
         _rename(names, effect, [name for name in machine.memory.attempts if name not in before])
         steps.append(step)
+    return steps
+
+
+def _change_arguments(
+    explorer: SituationExplorer, machine: ChosenMachine, move: WorldMove, time: float
+) -> list[Step]:
+    """Report other live values to an update, so that its run is also one of a machine that evaluates them.
+
+    None are found where its arguments read something else: then only this run has the update.
+    """
+    invocation = next(i for i in machine.memory.invocations.values() if f"i:{i.name}" == move.timer[1])
+    attempt = machine.memory.attempts[invocation.attempt or ""]
+    invoke = machine.chart.states[invocation.state].invoke
+    values = () if invoke is None else invoke.arguments.values()
+    names = [name for value in values for root, name in reads(value) if root == "input"]
+    steps: list[Step] = []
+    for name, number in itertools.product(names, _SAMPLES) if not move.unchanged else ():
+        spec = machine.chart.inputs[name]
+        value = explorer.classes.sample(spec.type, number)
+        steps.append(machine.handle(events.observed(spec.value, value, time), time))
+        if (
+            Operations.new_arguments(machine.updates, invocation, attempt, Macrostep(_NO_EVENT, time))
+            is not None
+        ):
+            break
     return steps
 
 

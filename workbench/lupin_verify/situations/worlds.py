@@ -40,7 +40,7 @@ from lupin_engine.plugin import RESTARTED, is_builtin
 from lupin_engine.properties import Remembered
 from lupin_engine.sim import label_of
 from lupin_verify.situations.classes import Classes
-from lupin_verify.situations.relevance import ANY_ABANDONED, is_abandoned
+from lupin_verify.situations.relevance import ANY_ABANDONED, invokes, is_abandoned
 from lupin_verify.situations.situation import (
     RANKS,
     WATCHED,
@@ -86,13 +86,15 @@ class Mover(enum.IntFlag):
 class WorldMove:
     """A move of the environment: an event, or a deadline that fires.
 
-    A combined move, `made_of` several by their numbers, is the last of them after reports of values.
+    A combined move, `made_of` several by their numbers, is the last of them after reports of values. With
+    `unchanged` the deadline is that of an update, and the arguments are still the same.
     """
 
     side: Mover
     event: Event | None = None
     timer: TimerName = ("", "", "")
     made_of: tuple[int, ...] = ()
+    unchanged: bool = False
 
     @property
     def reports_value(self) -> bool:
@@ -124,6 +126,9 @@ class WorldMoves:
         self._classes = classes
         self.owed = owed
         self._deferred = deferred
+        every = (invoke for _, invoke in invokes(table.relevance.chart))
+        #: The classes of abandoned attempts of which an update leaves two.
+        self._updated = {f"~{one.name}" for one in every if one.update is not None}
         #: Whether an event of which so many wait already, or a time of day, was left out during a hold.
         self.cuts_waiting = False
         self.all: list[WorldMove] = []
@@ -241,16 +246,16 @@ class WorldMoves:
         if now:
             move = WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])
             return Due(True, (self._number(("at once", *now[0]), move),))
-        armed = [(kind, *about) for _, _, kind, about in timers]
+        armed: list[TimerName] = [(kind, *about) for _, _, kind, about in timers]
         late = {after for before, after, lead in ranks if lead >= 0.0 and before in armed}
-        return Due(
-            False,
-            tuple(
-                self._number(timer, WorldMove(Mover.TIMER, timer=timer))
-                for timer in armed
-                if timer not in late
-            ),
-        )
+        return Due(False, tuple(self._firing(timer for timer in armed if timer not in late)))
+
+    def _firing(self, timers: Iterable[TimerName]) -> Iterator[int]:
+        """Yield the moves that fire deadlines; that of an update with other arguments, and with the same."""
+        for timer in timers:
+            yield self._number(timer, WorldMove(Mover.TIMER, timer=timer))
+            if timer[0] == "update":
+                yield self._number(("unchanged", *timer), WorldMove(Mover.TIMER, timer=timer, unchanged=True))
 
     def _answers(self, attempt: Attempt) -> tuple[int, ...]:
         """Return the possible answers to an attempt, as moves."""
@@ -270,7 +275,7 @@ class WorldMoves:
             yield from self._answers_of_known(attempt)
 
     def _answers_of_known(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
-        if attempt.phase is not Phase.ACCEPTED:
+        if attempt.phase not in (Phase.ACCEPTED, Phase.REPLACED):
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
         speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
         results = self._classes.results(attempt.operation, attempt.arguments)
@@ -343,7 +348,8 @@ class WorldMoves:
     def is_within_bounds(self, name: str) -> bool:
         """Return whether an attempt's number is within the bound of abandoned attempts."""
         kind, number, count = name.rpartition("#")
-        return not number or kind == ANY_ABANDONED or int(count) <= self.owed + 1
+        most = self.owed + 1 + (kind in self._updated)
+        return not number or kind == ANY_ABANDONED or int(count) <= most
 
 
 #: Stands for the value of an input before a report: another value, reported at the same time.

@@ -59,13 +59,15 @@ export function toldOf(possible: PossibleRecord | undefined, reason: string): st
   return `${reason} ${possible.possible || possible.fields ? t.wasPossible : t.was(possible.reason)}`;
 }
 
-/** What it would do to the holds, in the words of their codes, and for what it waits. */
+/** What it would do, for verbs that this page knows; else what to the holds. And for what it waits. */
 function effectOf(possible: PossibleRecord | undefined): string {
   const t = texts.value.control;
   const offer = missions.shown.value?.value;
   const named = (holds: readonly string[]): string => holds.map((name) => offer?.codes[offer.holds[name] ?? ""]?.label ?? name).join(", ");
   const { engages = [], releases = [] } = possible ?? {};
   const waits = possible?.possible && possible.reason;
+  const known = possible && t.effects[possible.verb];
+  if (known) return [known, waits].filter(Boolean).join("; ");
   return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases)), waits].filter(Boolean).join("; ");
 }
 

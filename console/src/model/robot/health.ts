@@ -26,6 +26,8 @@ export const NODE_SILENT_S = 3;
 /** Milliseconds between two states that are kept. */
 const KEPT_EVERY_MS = 5000;
 const RATE = / \(Hz\)$/;
+/** The name of a trouble of a node, `/NODE: SUBJECT`: the node's own message has it, too. */
+const TROUBLE = /^\/.*: /;
 
 const nodes = new Map<string, NodeHealth>();
 let keptAt = 0;
@@ -34,6 +36,7 @@ export const nodesNow: Nodes = nodes;
 
 function take({ status }: DiagnosticArray, at: number): Nodes | undefined {
   for (const { level, name, message, hardware_id: machine, values } of status) {
+    if (TROUBLE.test(name)) continue;
     const told = values.filter(({ key }) => !key.startsWith("/"));
     const rates = values.filter(({ key }) => key.startsWith("/") && RATE.test(key));
     nodes.set(name, {

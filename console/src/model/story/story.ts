@@ -66,7 +66,7 @@ type Command = NonNullable<Step["commands"]>[number];
 function commandText(command: Command, words: Words): string {
   switch (command.command) {
     case "start":
-      return words.start(command.operation + filled(command.arguments));
+      return (command.updates ? words.update : words.start)(command.operation + filled(command.arguments));
     case "cancel":
       return words.cancel(command.operation);
     case "act":
@@ -272,6 +272,12 @@ export class StepStory {
     for (const command of step.commands ?? [])
       if (command.command === "start") {
         const { operation, state } = command;
+        const updated = command.updates && this.running.get(command.updates);
+        if (updated) {
+          this.running.delete(command.updates);
+          this.running.set(command.attempt, updated);
+          continue;
+        }
         const given = Object.values(command.arguments ?? {}).filter((value) => typeof value !== "object");
         for (const [name, run] of this.running) if (run.operation === operation && run.state === state) this.end(name, at, 1);
         const text = [operation, ...given.map(short)].join(" ");

@@ -1,7 +1,7 @@
 // A button that commands something, grey with the reason why not; what it would do and what was answered stand by it.
-import { signal } from "@preact/signals";
+import { effect, signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
-import { answered, command, missions } from "../../model/mission/mission";
+import { answered, command, missions, possible as requestsNow } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { reasonOf, toldOf } from "../../model/mission/permission";
 import type { PossibleRecord } from "../../records";
@@ -18,14 +18,16 @@ interface Wanted {
   /** A press is not carried out while this says no, such as for a form with mistakes. */
   readonly check?: () => boolean;
   readonly main?: boolean;
+  /** The answer stands elsewhere. */
+  readonly apart?: boolean;
 }
 
-export function RequestButton({ label, verb, mission = "", request = {}, possible, check, main }: Wanted) {
+export function RequestButton({ label, verb, mission = "", request = {}, possible, check, main, apart }: Wanted) {
   const id = useId();
   const reason = reasonOf(possible);
   const twice = missions.shown.value?.value.ends === verb;
   const press = (): void => {
-    if (reason || (check && !check())) return;
+    if (reason || (!mission && justMoved()) || (check && !check())) return;
     if (!twice || isSecond(verb)) void command(verb, mission, request);
   };
   const armed = twice && !reason && pressed.value?.verb === verb;
@@ -43,10 +45,27 @@ export function RequestButton({ label, verb, mission = "", request = {}, possibl
       <span id={id} class="soft">
         {toldOf(possible, reason)}
       </span>
-      <AnswerOf verb={verb} mission={mission} />
+      {!apart && <AnswerOf verb={verb} mission={mission} />}
     </div>
   );
 }
+
+/** Within so many milliseconds after buttons have moved, a press was meant for another one. */
+const MOVED_MS = 600;
+let arrangement = "";
+let movedAt = -Infinity;
+
+/** Whether the possible requests, which stand first, have just become others. */
+function justMoved(): boolean {
+  return performance.now() - movedAt < MOVED_MS;
+}
+
+effect(() => {
+  const told = requestsNow.shown.value?.value.requests ?? [];
+  const now = told.filter((each) => each.request.startsWith("operator.") && !reasonOf(each)).map(({ verb }) => verb).join();
+  if (now !== arrangement && arrangement) movedAt = performance.now();
+  arrangement = now;
+});
 
 /** The press that waits for its second one. */
 const pressed = signal<{ verb: string; until: number; left: number } | undefined>(undefined);
@@ -79,7 +98,7 @@ function Again({ label }: { label: string }) {
 }
 
 /** What was answered to the last press, while it is the last. */
-function AnswerOf({ verb, mission }: { verb: string; mission: string }) {
+export function AnswerOf({ verb, mission }: { verb: string; mission: string }) {
   const last = answered.value;
   const mine = last?.verb === verb && last.mission === mission;
   return (

@@ -16,10 +16,10 @@ export function ControlView() {
       </div>
       <div>
         <Requests />
-        <RunningNow />
+        <Starts />
       </div>
       <div>
-        <Starts />
+        <RunningNow />
       </div>
     </div>
   );

@@ -249,11 +249,22 @@ ASKED: list[tuple[str, dict[str, Any], Callable[[Any], Any], Any]] = [
             ["builtin_interfaces/Time", "geometry_msgs/Point"],
         ],
     ),
+    ("has_param", {"name": "/robot:speed"}, lambda a: a, {"exists": True}),
+    ("get_param_names", {}, lambda a: "/robot:speed" in a["names"], True),
+    ("topics_for_type", {"type": "std_msgs/String"}, lambda a: "/words" in a["topics"], True),
+    (
+        "services_for_type",
+        {"type": "rcl_interfaces/GetParameters"},
+        lambda a: "/robot/get_parameters" in a["services"],
+        True,
+    ),
+    ("service_providers", {"service": "/robot/get_parameters"}, lambda a: a, {"providers": ["/robot"]}),
     (
         "delete_param",
         {},
         lambda a: a,
-        "failed: /rosapi/delete_param: the gateway does not offer it",
+        "failed: /rosapi/delete_param: no client changes parameters; "
+        "give them where the node is started: --set NODE.NAME=VALUE",
     ),
 ]
 

@@ -114,7 +114,14 @@ def in_state(attendant: Attendant, *lifecycles: str) -> None:
 
 def button(page: Page, name: str) -> Locator:
     """A button by its text."""
-    return page.get_by_role("button", name=name, exact=True)
+    return page.get_by_role("button", name=name, exact=True, include_hidden=True)
+
+
+def press(page: Page, name: str) -> None:
+    """Press a request's button, as a person who has seen that it is there now."""
+    expect(button(page, name)).to_be_visible()
+    page.wait_for_timeout(SETTLED_MS)
+    button(page, name).click()
 
 
 def panel(page: Page, title: str) -> Locator:
@@ -130,20 +137,26 @@ def shown(page: Page) -> dict[str, tuple[bool, str]]:
     return {name: (enabled, sentence) for name, enabled, sentence in rows}
 
 
+#: After so long, in ms, buttons that have moved take a press.
+SETTLED_MS = 700
+#: What the page says of the verbs that it knows, in English.
+EFFECTS = {
+    "pause": "stops the robot where it is, until Resume",
+    "resume": "lets the mission go on",
+    "skip": "leaves this target out and goes on with the next one",
+    "dock": "drives home and waits there, until Resume",
+    "abort": "ends the mission",
+    "reset": "leaves the fault and looks at everything again",
+}
+
+
 def told(attendant: Attendant) -> dict[str, tuple[bool, str]]:
     """The same as the orchestrator tells it."""
     attendant.spin(0.02)
-    offer = attendant.offer
-
-    def labels(holds: list[str]) -> str:
-        return ", ".join(offer["codes"][offer["holds"][name]]["label"] for name in holds)
-
     found = {}
     for one in attendant.possible["requests"]:
         if one["request"].startswith("operator."):
-            engages = [f"holds the mission: {labels(one['engages'])}"] if one["engages"] else []
-            releases = [f"ends the hold: {labels(one['releases'])}"] if one["releases"] else []
-            sentence = "; ".join([*engages, *releases]) if one["possible"] else one["reason"]
+            sentence = EFFECTS[one["verb"]] if one["possible"] else one["reason"]
             found[one["verb"]] = (one["possible"], sentence)
     return found
 
@@ -183,16 +196,16 @@ def test_every_button_in_every_state(
     start(console, "inspection", tag_sequence="30, 28, 5, 26, 1, 24, 9, 10")
     in_state(attendant, "PREPARE")
     agree(console, attendant, "pause", "abort")
-    button(console, "pause").click()
+    press(console, "pause")
     expect(panel(console, "Mission")).to_contain_text("paused by the operator")
     agree(console, attendant, "resume", "abort")
     expect(panel(console, "What to do")).to_contain_text("Resume to let the mission go on.")
-    button(console, "resume").click()
+    press(console, "resume")
     in_state(attendant, "FAULT")
     agree(console, attendant, "reset")
     expect(panel(console, "What to do")).to_contain_text("Give the robot its pose on the map, then reset.")
     expect(panel(console, "Mission").locator(".pill.bad")).to_contain_text("fault")
-    button(console, "reset").click()
+    press(console, "reset")
     in_state(attendant, "READY")
     agree(console, attendant)
 
@@ -203,27 +216,27 @@ def test_every_button_in_every_state(
     expect(console.locator("form[aria-label=InspectionMission] .control-request > span").first).to_have_text(
         "start refused: a mission is already running"
     )
-    button(console, "pause").click()
+    press(console, "pause")
     agree(console, attendant, "resume", "skip", "abort", "dock")
-    button(console, "skip").click()
+    press(console, "skip")
     expect(panel(console, "Mission")).to_contain_text("1 skipped")
     console.locator("#stop").click()
     expect(panel(console, "What to do")).to_contain_text("Release the stop, then resume.")
     agree(console, attendant, "abort", "dock")
     console.locator("#release").click(delay=HOLD_MS)
     agree(console, attendant, "resume", "abort", "dock")
-    button(console, "resume").click()
+    press(console, "resume")
     agree(console, attendant, "pause", "skip", "abort", "dock")
-    button(console, "dock").click()
+    press(console, "dock")
     in_state(attendant, "RETURNING")
     expect(panel(console, "Mission")).to_contain_text("returning")
     until(lambda: view(attendant)["phase"] != "" or view(attendant)["paused"], "the dock")
     expect(panel(console, "Mission")).to_contain_text("waits for you")
     agree(console, attendant, "resume", "abort")
-    button(console, "resume").click()
+    press(console, "resume")
     in_state(attendant, "INSPECTING")
 
-    button(console, "abort").click()
+    press(console, "abort")
     expect(console.get_by_role("button", name=re.compile(r"Press again to abort \(\d\)"))).to_be_visible()
     expect(button(console, "abort")).to_be_visible()  # 5 s later nothing has happened
     assert view(attendant)["lifecycle"] == "INSPECTING"
@@ -288,6 +301,19 @@ def is_right(page: Page, attendant: Attendant) -> bool:
     return len(asked) == 1 and abs(seconds(page) - asked[0].left) < 2.5
 
 
+def test_a_second_tap_does_not_press_what_came_in_its_place(console: Page, attendant: Attendant) -> None:
+    """Pause goes and Resume stands there: who taps twice in haste stays paused."""
+    start(console, "inspection")
+    press(console, "pause")
+    box = button(console, "resume")
+    expect(box).to_have_attribute("aria-disabled", "false")
+    box.click()
+    console.wait_for_timeout(1000)
+    assert view(attendant)["held"] == ["pause"]
+    press(console, "resume")
+    until(lambda: view(attendant)["held"] == [], "going on")
+
+
 def test_a_question_is_answered(
     enter: Callable[..., BrowserContext], robot: Served, attendant: Attendant
 ) -> None:
@@ -308,12 +334,12 @@ def test_a_question_is_answered(
     page.evaluate("sleepFor(100)")
     until(lambda: seconds(page) != before, "the page's next second")
     until(lambda: is_right(page, attendant), "the right time again", 10.0)
-    button(page, "pause").click()
+    press(page, "pause")
     expect(asks).to_contain_text("standing still while held")
     still = seconds(page)
     expect(asks.get_by_role("button", name="Go on to tag 5")).to_have_attribute("aria-disabled", "true")
     expect(asks).to_contain_text("refused: paused by the operator")
-    button(page, "resume").click()
+    press(page, "resume")
     expect(asks).to_contain_text("without an answer: Come home, in 9 min")
     assert seconds(page) <= still
     asks.get_by_role("button", name="Go on to tag 5").click()

@@ -57,7 +57,16 @@ def test_on_a_phone_all_views_can_be_reached_at_once(browser: Browser, robot: Se
     for page in opened(context, robot.url):
         links = page.locator("nav a").all()
         assert len(links) == 8
-        for target in (*links, page.locator("nav summary")):
+        assert [link.is_visible() for link in links] == [True] * 5 + [False] * 3
+        more = page.locator("nav summary")
+        assert more.bounding_box()["height"] >= 44  # type: ignore[index]
+        bars = page.evaluate(
+            """() => ['#stop-box', '.bar', 'nav', '.moment'].map((each) => document.querySelector(each))
+            .reduce((sum, each) => sum + each.getBoundingClientRect().height, 0) / innerHeight"""
+        )
+        assert bars <= 0.16
+        more.click()
+        for target in (*links, more):
             box = target.bounding_box()
             assert box is not None
             assert box["x"] >= 0
@@ -68,6 +77,5 @@ def test_on_a_phone_all_views_can_be_reached_at_once(browser: Browser, robot: Se
         for link in links:
             link.click()
             expect(link).to_have_attribute("aria-current", "page")
-        page.locator("nav summary").click()
         expect(page.locator("nav select").first).to_be_in_viewport()
     context.close()

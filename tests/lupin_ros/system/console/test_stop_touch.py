@@ -214,7 +214,7 @@ def test_the_robot_stays_stopped_under_a_thumb(touch: Finger, listener: Robot) -
         page.wait_for_timeout(500)
         listener.is_told(True)
         assert all(listener.heard)
-        resume = page.get_by_role("button", name="resume", exact=True)
+        resume = page.get_by_role("button", name="resume", exact=True, include_hidden=True)
         expect(resume).to_have_attribute("aria-disabled", "true")
         page.evaluate("location.hash = 'arm'")
         expect(page.locator(".why").first).to_have_text("the robot is stopped: release the stop first")

@@ -315,6 +315,28 @@ def test_a_bad_driver_breaks_a_rule(
         VALUES.pop("trial.hot", None)
 
 
+def test_who_takes_no_update_is_found(
+    monkeypatch: pytest.MonkeyPatch, patience: None, ros_domain: int
+) -> None:
+    """The rule is about operations that declare it."""
+
+    class KeepsToTheFirst(Good):
+        begun = 0
+
+        def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
+            self.begun += 1
+            if self.begun == 1:
+                super().start(attempt, operation, arguments)
+
+    switch = replace(LAMP.operations["switch"], updates=True)
+    lamp = replace(LAMP, operations={"switch": switch})
+    assert ("takes_updates", "switch") in live_cases(lamp)
+    assert ("keeps_attempts_apart", "switch") not in live_cases(lamp)
+    lab_of(KeepsToTheFirst, monkeypatch)
+    told = verdict(Lab(Setting(lamp, offer=offer)), "takes_updates", "switch")
+    assert told.startswith("the end of switch_2: not within")
+
+
 def test_a_driver_that_gets_no_processor_does_not_block(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ros_domain: int
 ) -> None:
