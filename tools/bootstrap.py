@@ -37,8 +37,8 @@ GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
 import rclpy, lupin_cli.main, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
-import control_msgs.action as c, nav2_msgs.action as n, lupin_engine_msgs.srv as e
-for each in (l.Observation, e.Command, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
+import control_msgs.action as c, nav2_msgs.action as n, lupin_engine_msgs.action as e
+for each in (l.Observation, e.RunMission, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
     type(each).__import_type_support__()
 lupin_cli.main.main(["check"])
 """

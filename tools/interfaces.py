@@ -51,7 +51,8 @@ the network: the operator's HMI, the robot's own drivers, Nav2. What a binding o
 here: what is on the network now, `lupin graph` tells. The gateway also hears what pages want, and whatever
 its parameter `history` names. Each node also tells how it is, once a second on `/diagnostics`
 (diagnostic_msgs/DiagnosticArray, by REP 107): its process, its machine, the rates of its topics, and below
-`NODE: SUBJECT` each trouble with its `code`, `cause` and `advice`. `lupin types` writes all types for
+`NODE: SUBJECT` each trouble with its `code`, `cause` and `advice`. All but the simulated ones also answer
+the services of [a lifecycle manager](operating.md#lifecycle-managers). `lupin types` writes all types for
 TypeScript, or as JSON Schema.
 
 ## Quality of service
@@ -226,7 +227,7 @@ def _types() -> Iterator[str]:
         "",
         "As the files of the packages have them; a type that is made of others names them.",
     )
-    for kind in ("msg", "srv"):
+    for kind in ("msg", "srv", "action"):
         files = [file for package in PACKAGES.values() for file in package.glob(f"{kind}/*.{kind}")]
         for file in sorted(files, key=lambda file: file.stem):
             text = file.read_text(encoding="utf-8").strip()
@@ -238,7 +239,7 @@ def _types() -> Iterator[str]:
 
 
 def _nesting(name: str) -> list[str]:
-    """Return the types of `lupin_msgs` that a type is made of, each with what that is made of."""
+    """Return the types of these packages that a type is made of, each with what that is made of."""
     found = []
     for inner in dict.fromkeys(_inner(name)):
         below = _nesting(inner)
@@ -247,7 +248,7 @@ def _nesting(name: str) -> list[str]:
 
 
 def _inner(name: str) -> Iterator[str]:
-    known = {file.stem for file in FILES.glob("msg/*.msg")}
+    known = {file.stem for package in PACKAGES.values() for file in package.glob("msg/*.msg")}
     (file,) = (file for package in PACKAGES.values() for file in package.glob(f"*/{name}.*"))
     for line in file.read_text(encoding="utf-8").splitlines():
         declared_type = line.partition("#")[0].split()[:1]

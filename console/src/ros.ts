@@ -378,6 +378,76 @@ export interface Vector3 {
   z: number | null;
 }
 
+/** `lupin_engine_msgs/action/RunMission_Feedback` */
+export interface RunMissionFeedback {
+  mission_id: string;
+  /** lifecycle, phase and current target of the mission */
+  state: string;
+  phase: string;
+  target: string;
+  /** it waits for a person */
+  paused: boolean;
+  /** that a person is asked; empty: none */
+  question: string;
+  /** how many targets there are */
+  total: number;
+  /** how many visits have ended in each outcome */
+  counts: OutcomeCount[];
+}
+
+/**
+ * `lupin_engine_msgs/action/RunMission_Goal`
+ * Run a mission: the goal starts it, a cancel aborts it, the result says how each target ended.
+ * A goal that is refused is accepted and aborted at once: the rejection of a goal has no text.
+ */
+export interface RunMissionGoal {
+  /** its name, e.g. "InspectionMission" */
+  mission?: string;
+  /** JSON object with fields of the mission's request, as in Command; empty: {} */
+  request?: string;
+  /** who asks, for the record, e.g. "shift_planner" */
+  by?: string;
+  /** when it was sent, by the wall clock: 5 s later it is refused. Zero: at any time */
+  stamp?: Time;
+}
+
+/** `lupin_engine_msgs/action/RunMission_Result` */
+export interface RunMissionResult {
+  /** why it was refused, or did not come to its end; empty when it did */
+  code: string;
+  /** the same in words */
+  message: string;
+  /** empty when it was refused */
+  mission_id: string;
+  /** of each target, in their order */
+  outcomes: VisitOutcome[];
+}
+
+/**
+ * `lupin_engine_msgs/msg/OutcomeCount`
+ * How many visits have ended in an outcome, over all sweeps.
+ */
+export interface OutcomeCount {
+  /** a name of the profile, e.g. "OK" */
+  outcome: string;
+  count: number;
+}
+
+/**
+ * `lupin_engine_msgs/msg/VisitOutcome`
+ * How the visit of a target ended.
+ */
+export interface VisitOutcome {
+  target: string;
+  /** a name of the profile, e.g. "OK" or "UNREACHABLE"; empty: the visit did not end */
+  outcome: string;
+  /** whether the visit did what it was for */
+  good: boolean;
+  /** why it did not */
+  code: string;
+  detail: string;
+}
+
 /**
  * `lupin_engine_msgs/srv/Command_Request`
  * Ask the orchestrator for something, and be sure that it is not done twice.
@@ -1595,6 +1665,8 @@ export const MSG_TYPES = {
   TransformStamped: "geometry_msgs/msg/TransformStamped",
   Twist: "geometry_msgs/msg/Twist",
   Vector3: "geometry_msgs/msg/Vector3",
+  OutcomeCount: "lupin_engine_msgs/msg/OutcomeCount",
+  VisitOutcome: "lupin_engine_msgs/msg/VisitOutcome",
   AnomalyReport: "lupin_msgs/msg/AnomalyReport",
   DiscoveredTag: "lupin_msgs/msg/DiscoveredTag",
   DiscoveredTags: "lupin_msgs/msg/DiscoveredTags",
@@ -1654,5 +1726,6 @@ export const SRV_TYPES = {
 
 export const ACTION_TYPES = {
   GripperCommand: "control_msgs/action/GripperCommand",
+  RunMission: "lupin_engine_msgs/action/RunMission",
   NavigateToPose: "nav2_msgs/action/NavigateToPose",
 } as const;

@@ -369,8 +369,8 @@ class ActionHost:
         self._ros = ros
         self._kind = kind
         self._admit = admit
-        #: Returns whether cancels are refused.
-        self.refuses: Callable[[], bool] = lambda: False
+        #: Returns whether the cancel of a goal is refused.
+        self.refuses: Callable[[ServedGoal], bool] = lambda _: False
         self._started = started
         self._cancelled = ros.guarded(cancelled)
         self._served: dict[bytes, ServedGoal] = {}
@@ -389,6 +389,11 @@ class ActionHost:
             cancel_service_qos_profile=services,
             result_timeout=RESULT_KEPT_S,
         )
+
+    @property
+    def is_serving(self) -> bool:
+        """Whether a goal is under way, or its result is still to be sent."""
+        return bool(self._served)
 
     def close(self) -> None:
         """Release the server. Closing twice does no harm."""
@@ -416,7 +421,7 @@ class ActionHost:
 
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         served = self._served.get(bytes(handle.goal_id.uuid))
-        if served is None or self.refuses():
+        if served is None or self.refuses(served):
             return CancelResponse.REJECT
         # rclpy marks the goal as cancelling only after this callback: call the owner afterwards.
         self._ros.post(lambda: self._cancelled(served))

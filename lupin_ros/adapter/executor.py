@@ -39,6 +39,7 @@ class Serving:
 
     stale_after: StaleAfter
     refuse: Callable[[Any, str], Any] | None
+    in_every_state: bool
     later: bool
 
 
@@ -76,6 +77,8 @@ class Executor(SingleThreadedExecutor):
         super().__init__(context=context)
         self._log = log
         self._served: dict[Service, Serving] = {}
+        #: Returns why the node refuses requests in its lifecycle state; '' while it is active.
+        self.inactive: Callable[[], str] = str
         #: Whether only answers of servers and posted calls are handled: an ending node begins nothing new.
         self.answers_only = False
         #: Whether the next wait includes the middleware's events, such as incompatible publishers: they are
@@ -223,7 +226,8 @@ class Executor(SingleThreadedExecutor):
             return None
         if header is None:
             return None
-        reason = self._staleness(srv, header, request)
+        inactive = "" if self._served[srv].in_every_state else self.inactive()
+        reason = f"refused: {inactive}" if inactive else self._staleness(srv, header, request)
 
         async def answer() -> None:
             response = srv.srv_type.Response()

@@ -30,6 +30,8 @@ _HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events", DIAGNOSTICS_TOPIC)
 _HOUSEKEEPING_SERVICES = (
     *("get_type_description", "get_parameter_types", "describe_parameters", "get_parameters"),
     *("list_parameters", "set_parameters", "set_parameters_atomically"),
+    *("change_state", "get_state", "get_available_states"),
+    *("get_available_transitions", "get_transition_graph"),
 )
 
 
@@ -56,9 +58,9 @@ class Interface:
     def is_housekeeping(self) -> bool:
         """Whether every node has this interface, whatever its purpose."""
         last = self.name.rpartition("/")[2]
-        return self.name in _HOUSEKEEPING_TOPICS or (
-            self.kind == "service" and last in _HOUSEKEEPING_SERVICES
-        )
+        if self.kind == "service":
+            return last in _HOUSEKEEPING_SERVICES
+        return self.name in _HOUSEKEEPING_TOPICS or last == "transition_event"
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ Each work-around lives in this package, for this reason:
   match the two again;
 * bytes counted before a message is read (`qos`): a list of thousands keeps a stop waiting for a second;
 * diagnostics of every node (`vitals`): a hanging one stays in the graph;
-* servers counted (`peers`): two of one name would both carry out every request.
+* servers counted (`peers`): two of one name would both carry out every request;
+* transitions judged before rclpy's lifecycle is asked (`lifecycle`): it answers nothing to a wrong one.
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ from lupin_ros.adapter.actions import (
 from lupin_ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
 from lupin_ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
+from lupin_ros.adapter.lifecycle import NOT_ACTIVE, ManagedNode
 from lupin_ros.adapter.logs import COUNT_S, NodeLog, guarded
 from lupin_ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_ros.adapter.peers import (
@@ -209,7 +211,8 @@ class RosNode:
 
     Everything is called on the thread that spins, except `post` and `stop`. Parameters are declared with
     type, range and documentation; values given on the command line are checked before anything else.
-    `parameters` may be a function of the given values, because a mission has its own.
+    `parameters` may be a function of the given values, because a mission has its own. A `managed` node has
+    the lifecycle services, and activates itself unless its parameter `autostart_node` is false.
 
     Raises:
         UsageError: ROS cannot read the arguments.
@@ -226,10 +229,12 @@ class RosNode:
         name: str,
         arguments: Sequence[str] = (),
         parameters: Declared | Callable[[Mapping[str, Any]], Declared] = MappingProxyType({}),
+        *,
+        managed: bool = False,
     ) -> None:
         use_profile()
         self._context = RosNode._shared or Context()
-        self.node = self._make_node(name, arguments)
+        self.node = self._make_node(name, arguments, ManagedNode if managed else Node)
         self.name: str = self.node.get_name()
         #: Where `log` goes.
         self.log_book = NodeLog(self.node)
@@ -247,6 +252,7 @@ class RosNode:
         #: The topic by which servers of this node's goals see that it is alive; '' for none.
         self.lifeline = ""
         self._stop_callbacks: list[Callable[[], None]] = []
+        self._left_callbacks: list[Callable[[], object]] = []
         self._callers: list[ActionCaller] = []
         self._hosts: list[ActionHost] = []
         self._channels: dict[str, None] = {}
@@ -264,15 +270,17 @@ class RosNode:
             vitals = self._vitals = Vitals(self.node, time.monotonic())
             self.steady_timer(REPORT_S, lambda: vitals.report(time.monotonic()))
             self.steady_timer(COUNT_S, self.log_book.flush)
+            if isinstance(self.node, ManagedNode):
+                self._manage(self.node)
         except BaseException:
             self.close()
             raise
 
-    def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
+    def _make_node(self, name: str, arguments: Sequence[str], kind: type[Node]) -> Node:
         try:
             if self._context is not RosNode._shared:
                 begin(self._context, [*arguments, *_enclave_arguments(name, arguments)])
-            node = Node(name, context=self._context)
+            node = kind(name, context=self._context)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._end_context()
@@ -282,6 +290,30 @@ class RosNode:
             living.add(reference)
         node.default_callback_group.entities = living
         return node
+
+    # --- lifecycle --------------------------------------------------------------------------------------
+
+    @property
+    def inactive(self) -> str:
+        """Why a managed node refuses requests; '' while it is active."""
+        return self.node.inactive if isinstance(self.node, ManagedNode) else ""
+
+    def _manage(self, node: ManagedNode) -> None:
+        node.autostart()
+        node.refused, node.changed = self.log.warning, self._state_changed
+        self._executor.inactive = lambda: self.inactive
+        self.trouble("lifecycle", self.inactive, NOT_ACTIVE)
+
+    def on_inactive(self, left: Callable[[], object] = str, hindrance: Callable[[], str] = str) -> None:
+        """Run `left` when the managed node has left `active`; `hindrance` returns why it may not, else ''."""
+        self._left_callbacks.append(left)
+        self.node.hindrance = hindrance
+
+    def _state_changed(self, was_active: bool) -> None:
+        self.log.info("lifecycle", state=self.inactive or "active")
+        self.trouble("lifecycle", self.inactive, NOT_ACTIVE)
+        for left in self._left_callbacks if was_active else ():
+            self.guarded(left)()
 
     # --- parameters -------------------------------------------------------------------------------------
 
@@ -441,16 +473,18 @@ class RosNode:
         *,
         stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
+        in_every_state: bool = False,
     ) -> None:
         """Answer requests with `callback(request, response)`, which returns the response.
 
         A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
         given up. Where that depends on the request, `stale_after` is a function (see `StaleAfter`). It is
         answered with `refuse(response, reason)`, in case the caller still waits and only the clocks disagree;
-        without `refuse` not at all. When the callback raises nothing is answered, because an empty response
-        may mean success; the caller's deadline reports it.
+        without `refuse` not at all. While the node is not active it is refused likewise, unless the service
+        works `in_every_state`. When the callback raises nothing is answered, because an empty response may
+        mean success; the caller's deadline reports it.
         """
-        self._serve(kind, name, callback, Serving(stale_after, refuse, later=False))
+        self._serve(kind, name, callback, Serving(stale_after, refuse, in_every_state, later=False))
 
     def serve_later(
         self,
@@ -460,12 +494,13 @@ class RosNode:
         *,
         stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
+        in_every_state: bool = False,
     ) -> None:
         """Answer requests asynchronously: `callback(request, response, answer)`, then `answer(response)`.
 
         `answer` must be called once, now or later; see `serve` for the rest.
         """
-        self._serve(kind, name, callback, Serving(stale_after, refuse, later=True))
+        self._serve(kind, name, callback, Serving(stale_after, refuse, in_every_state, later=True))
 
     def _serve(self, kind: Any, name: str, callback: Callable[..., Any], how: Serving) -> None:
         profile = Qos.SERVICES.profile()

@@ -49,8 +49,10 @@ class Displays:
         except LupinError as problem:  # a workspace that was built before these types existed
             ros.log.error("displays cannot fold or explain the chart", problem=str(problem))
             return
-        ros.serve_later(draw, DRAW_SERVICE, self._draw, stale_after=STALE_AFTER_S, refuse=_refuse)
-        ros.serve(explain, EXPLAIN_SERVICE, self._explain)
+        ros.serve_later(
+            draw, DRAW_SERVICE, self._draw, stale_after=STALE_AFTER_S, refuse=_refuse, in_every_state=True
+        )
+        ros.serve(explain, EXPLAIN_SERVICE, self._explain, in_every_state=True)
 
     def _explain(self, request: Any, response: Any) -> Any:
         loaded, machine = self._loop.loaded, self._loop.machine

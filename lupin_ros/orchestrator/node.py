@@ -15,6 +15,7 @@ from typing import Any
 from lupin_engine.errors import LupinError
 from lupin_engine.machine import (
     CODE_REPORTED,
+    HELD_BACK,
     RELEASED,
     Event,
     Machine,
@@ -43,6 +44,7 @@ from lupin_ros.orchestrator.displays import Displays
 from lupin_ros.orchestrator.journal_gate import JournalGate
 from lupin_ros.orchestrator.loop import Loop
 from lupin_ros.orchestrator.markers import MarkerPublisher
+from lupin_ros.orchestrator.mission_action import MissionAction
 from lupin_ros.orchestrator.missions import OWN_PARAMETERS, MissionSwitch
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
 from lupin_ros.orchestrator.records import RecordPublisher
@@ -95,11 +97,13 @@ class Orchestrator:
         #: The id of an older instance for which this one stands down; '' while there is none.
         self.older_boot = ""
         self._begin(recovery, lost)
+        runs = MissionAction(ros, loop, gate, publisher, requests)
         # In real time: the state is repeated also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), publisher.repeat_state)
         ros.steady_timer(LOOK_PERIOD_S, self._check)
         watch_for_older_instance(ros, records.boot, self._stand_down)
-        for part in (clients, missions, gate, StatusSocket(ros, records)):
+        ros.on_inactive(self._hold)
+        for part in (runs, clients, missions, gate, StatusSocket(ros, records)):
             ros.on_stop(part.close)
 
     def _begin(self, recovery: Recovery | None, lost: str) -> None:
@@ -151,6 +155,15 @@ class Orchestrator:
         self.older_boot = older_boot
         self._ros.stop()
 
+    def _hold(self) -> None:
+        """Hold a mission that is under way: the node was deactivated, and only a person lets it go on."""
+        self._continues_at = None
+        machine = self._engine.machine
+        if machine.view.lifecycle not in machine.chart.profile.stages.without_mission:
+            detail = f"{self._ros.name} was deactivated: activate it, then resume"
+            self._loop.post(Event(HELD_BACK, {"hold": RESTARTED, "detail": detail}))
+            self._loop.work()
+
     # -- periodic work ----------------------------------------------------------------------------------
 
     def _check(self) -> None:
@@ -174,7 +187,7 @@ class Orchestrator:
         """
         memory = self._engine.machine.memory
         due = self._continues_at is not None and time.monotonic() >= self._continues_at
-        if not (due and RESTARTED in memory.held):
+        if self._ros.inactive or not (due and RESTARTED in memory.held):
             return
         ending = self._engine.machine.view.cancelling
         if not (ending or self._clients.readiness.missing() or self._unheard_holds()):
@@ -221,7 +234,7 @@ def main(arguments: Sequence[str] = ()) -> int:
         loaded.append((folder.load(), folder))
         return {**OWN_PARAMETERS, **loaded[-1][0].chart.parameters}
 
-    ros = RosNode(NODE, arguments, declared)
+    ros = RosNode(NODE, arguments, declared, managed=True)
     with signals_call(ros.stop):  # from here on, and not only while it spins
         other = other_orchestrator(ros, messages.wire_of(loaded[-1][0].chart.profile))
         if other:

@@ -19,12 +19,13 @@ from std_msgs.msg import String
 from lupin_engine.machine import Machine, Report, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import COUNT, TEXT, Parameter
-from lupin_engine.runtime import Clock, domain_folder, missions_record
+from lupin_engine.runtime import Clock, PossibleRecord, domain_folder, missions_record
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.orchestrator.displays import short_switch_interval
 from lupin_ros.orchestrator.single import new_boot
 from lupin_ros.service import messages
+from lupin_ros.service.commands import INACTIVE, counts_however_late
 from lupin_ros.service.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_ros.service.reports import PossibleNews, StepMoment, StepNews, published_step
 
@@ -55,6 +56,8 @@ class RecordPublisher:
         self._last_steps: deque[str] = deque(maxlen=self._steps.qos_profile.depth)
         self._last_missions = self._last_possible = "{}"
         self._possible_news = PossibleNews(self.boot)
+        #: Why the node refused requests when the last of these was made.
+        self._inactive = ""
         self.is_news = StepNews().is_news
 
     def _open_log(self, given: Mapping[str, Any]) -> None:
@@ -126,11 +129,30 @@ class RecordPublisher:
         Must be called after steps and periodically, because guards may read the time of day. It is cheap
         where nothing can have changed.
         """
+        inactive, self._inactive = self._inactive, self._ros.inactive
+        if inactive != self._inactive:
+            self._possible_news.forget()
         found = self._possible_news.news(machine, self._loaded.hash, self._clock.now())
         if found is not None:
-            text = _text(found)
+            requests = [self._while_inactive(one) for one in found["requests"]]
+            text = _text({**found, "requests": requests})
             self._last_possible = text.data
             self._possible.publish(text)
+
+    def _while_inactive(self, one: PossibleRecord) -> PossibleRecord:
+        """Return a dry run as the node's lifecycle state answers it (see `RequestServer`)."""
+        stops = counts_however_late(one["request"], self._loaded.chart) and not one["releases"]
+        if stops or not self._inactive:
+            return one
+        reason = f"{one['request'].rpartition('.')[2]} refused: {self._inactive}"
+        refused: PossibleRecord = {
+            **one,
+            "possible": False,
+            "fields": False,
+            "code": INACTIVE,
+            "reason": reason,
+        }
+        return {**refused, "engages": [], "releases": []}
 
     def status(self) -> str:
         """Return the last steps, available requests and missions that were published, as a JSON object."""

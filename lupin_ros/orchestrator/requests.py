@@ -12,7 +12,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine import NOTHING, Event, Refusal, Step, is_idle
+from lupin_engine.machine import NOTHING, Event, Refusal, Step, all_holds, is_idle
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     ANSWER,
@@ -21,6 +21,7 @@ from lupin_engine.plugin import (
     START,
     START_VERB,
     StartAnswer,
+    classify,
     given_fields,
 )
 from lupin_engine.runtime import STALE, STALE_AFTER_S, ClientClocks
@@ -116,6 +117,7 @@ class RequestServer:
             later,
             stale_after=lambda request, sent: self._too_old(way.asked(request), sent),
             refuse=lambda response, reason: way.write(response, CommandAnswer(False, STALE, reason)),
+            in_every_state=True,
         )
 
     def _once(self, way: _Way, request: Any) -> CommandAnswer:
@@ -204,16 +206,61 @@ class RequestServer:
     def _new_mission_id(self) -> str:
         return f"{self._prefix}-{uuid.uuid4().hex[:8]}"
 
+    def _inactive(self, event: Event) -> Refusal | None:
+        """Return why a node that is not active refuses a request: it takes only what stops the robot."""
+        if not self._ros.inactive or self._counts_however_late(event.name):
+            return None
+        return Refusal(commands.INACTIVE, f"{_verb(event)} refused: {self._ros.inactive}")
+
+    # -- of programs ------------------------------------------------------------------------------------
+
+    def start(self, asked: CommandRequest, sent: float, answered: Callable[[CommandAnswer], None]) -> None:
+        """Start a mission for a program; `sent` is when it asked, in POSIX time, or 0."""
+
+        def act() -> None:
+            event = commands.read_command(asked, self._loop.chart, self._new_mission_id())
+            answered(self._carry_out(asked, self._of_program(event)))
+
+        if sent and (age := self._too_old(asked, sent)) is not None:
+            text = f"refused: the goal is {age:.1f} s old, or the clocks of the two computers disagree"
+            answered(CommandAnswer(False, STALE, text))
+        else:
+            self._in_turn(act, begins=True)
+
+    def abort(self, by: str) -> bool:
+        """Abort the mission for a program; return whether that is accepted."""
+        asked = CommandRequest(self._loop.chart.profile.abort, by=by)
+        event = self._of_program(Event(f"operator.{asked.verb}"))
+        return self._carry_out(asked, event).accepted
+
+    def _of_program(self, event: Event | Refusal) -> Event | Refusal:
+        """Return what a program asks; a refusal where that would release a hold: only people do that."""
+        if isinstance(event, Refusal):
+            return event
+        self._loop.work()
+        machine, now = self._loop.machine, self._loop.engine.clock.now()
+        released = machine.dry_run(event, now, skip_fields=True).releases
+        if not released:
+            return event
+        code = all_holds(machine.chart)[released[0]].code
+        label = classify(code, machine.chart.codes).label
+        return Refusal(
+            code, f"{_verb(event)} refused: {label}; only a person releases this hold: resume first"
+        )
+
+    # -- one step ---------------------------------------------------------------------------------------
+
     def ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
         self._publisher.origin = event, origin
         self._loop.work()
         try:
-            refusal = self._gate.admit(event, self._loop.machine, self._loop.engine.clock.now())
+            now = self._loop.engine.clock.now()
+            refusal = self._inactive(event) or self._gate.admit(event, self._loop.machine, now)
         except Exception as problem:
             self._ros.log.exception("request could not be judged", request=event.name)
             # A request that stops the robot is carried out without a judgement.
             stops = commands.counts_however_late(event.name, self._loop.chart)
-            why = f"{event.name.rpartition('.')[2]} refused: {type(problem).__name__}: {problem}"
+            why = f"{_verb(event)} refused: {type(problem).__name__}: {problem}"
             refusal = None if stops else Refusal(EXECUTION_CODE, why)
         if refusal is None:
             step = self._loop.engine.request(event, origin)
@@ -241,6 +288,10 @@ class _Way:
     asked: Callable[[Any], CommandRequest]
     event: Callable[[Any], Event | Refusal]
     write: Callable[[Any, CommandAnswer], Any]
+
+
+def _verb(event: Event) -> str:
+    return event.name.rpartition(".")[2]
 
 
 def _without_fields(service: str, verb: str, event: Event) -> _Way:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine import NOTHING, PROPERTY_BROKEN, Event, Machine, Moment, Report, Step, View
@@ -39,6 +39,8 @@ class StepPublisher:
         ros.lifeline = ros.node.resolve_topic_name(wire.state.name)
         self._messages = StateMessages(wire, _Now(ros, clock, loop))
         self.outcomes = OutcomePublisher(ros, wire, self._messages)
+        #: Takes each step with the view after it, for who runs the mission.
+        self.follower: Callable[[Step, View], None] | None = None
         #: The request that is being carried out, and who asked for it.
         self.origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         #: The properties that were broken since the last mission began, as troubles of the node.
@@ -111,6 +113,10 @@ class StepPublisher:
     def _record_step(self, step: Step, view: View) -> None:
         self._gate.after_step(step, view, self._loop.machine)
 
+    def _follow(self, step: Step, view: View) -> None:
+        if self.follower is not None:
+            self.follower(step, view)
+
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
         """Publish the state at once where it has changed."""
         fields = self._messages.news(view, moment)
@@ -132,6 +138,7 @@ _PARTS = (
     StepPublisher._publish_step,
     StepPublisher._record_step,
     StepPublisher._show_code,
+    StepPublisher._follow,
 )
 
 

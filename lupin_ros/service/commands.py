@@ -32,6 +32,8 @@ _LONE_SURROGATE = frozenset(map(chr, range(0xD800, 0xE000)))
 
 #: Codes of commands that never reach the machine, beside `bad_request`.
 UNKNOWN_VERB, ID_IN_USE, TOO_MANY = "unknown_verb", "command_id_in_use", "too_many_commands"
+#: The code of a request that a node refuses because of its lifecycle state.
+INACTIVE = "inactive"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,9 @@ COMMAND_SERVICE = f"/{NODE}/command"
 COMMAND_TYPE = "lupin_engine_msgs/srv/Command"
 COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22"
 
+#: The action by which a program runs a mission, and its type; pages have the service instead.
+RUN_ACTION, RUN_TYPE = "mission/run", "lupin_engine_msgs/action/RunMission"
+
 #: The targets for RViz, below the node's namespace.
 MARKERS_TOPIC, MARKERS_TYPE = "lupin/markers", "visualization_msgs/msg/MarkerArray"
 

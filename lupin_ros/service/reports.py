@@ -176,7 +176,7 @@ class PossibleNews:
 
     def forget(self) -> None:
         """Publish the next one in any case."""
-        self._foreseen = []
+        self._foresight, self._foreseen = None, []
 
     def news(self, machine: Machine, chart_hash: str, now: float) -> PublishedPossible | None:
         """Return the record if it has changed, else None; cheap where nothing can have changed."""

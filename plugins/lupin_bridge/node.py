@@ -79,7 +79,7 @@ def _refuse(response: GetTagReading.Response, reason: str) -> GetTagReading.Resp
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
-    with RosNode("greenhouse_bridge", arguments, PARAMETERS) as ros:
+    with RosNode("greenhouse_bridge", arguments, PARAMETERS, managed=True) as ros:
         bridge = BridgeNode(ros)
         ros.on_stop(bridge.close)
         ros.spin()

@@ -81,6 +81,13 @@ class NavWatchdog:
         )
         ros.subscribe(Bool, PAGES_TOPIC, Qos.LATCHED, lambda _: self._gateway.heard(True))
         StopListener(ros, values["estop_topic"], values["estop_timeout_s"], self._on_stop)
+        ros.on_inactive(hindrance=self._what_moves)
+
+    def _what_moves(self) -> str:
+        if self._mission_drives:
+            return "a mission drives: pause it first"
+        served = self._ros.node.count_publishers(f"{self._action}/_action/status")
+        return f"{self._action} has a goal: cancel it first" if self._driving and served else ""
 
     def _on_mission(self, message: MissionState) -> None:
         is_one = is_under_way(message.lifecycle_state)
@@ -130,7 +137,7 @@ class NavWatchdog:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
-    with RosNode("nav_watchdog", arguments, PARAMETERS) as ros:
+    with RosNode("nav_watchdog", arguments, PARAMETERS, managed=True) as ros:
         NavWatchdog(ros)
         ros.spin()
     return 0

@@ -298,7 +298,7 @@ def _bloom_message(bloom: Bloom) -> FlowerPoint:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
-    with RosNode("lupin_twin", arguments, PARAMETERS) as ros:
+    with RosNode("lupin_twin", arguments, PARAMETERS, managed=True) as ros:
         TwinNode(ros)
         ros.spin()
     return 0

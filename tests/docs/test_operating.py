@@ -56,7 +56,7 @@ def test_a_recording_is_read_as_the_page_says(
     texts = b"\x06\0\0\0READY\0\0\0\x02\0\0\x005\0"  # READY and 5, each with its length and a zero
     recorded.add(topic, b"\0\1\0\0" + texts, published=1, heard=2)
     recorded.finish()
-    [program] = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    program, _ = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     exec(program, {})
     assert capsys.readouterr().out == "2 READY 5\n"
 

@@ -77,7 +77,7 @@ class Arm:
             parameters["torque_service"],
             parameters["gate_service"],
             self._pin,
-            lambda: self._estop.reason or None,
+            lambda: self._held_by,
         )
         self._motion: _ArmMotion | None = None
         self._claim: _Claim | None = None
@@ -88,11 +88,16 @@ class Arm:
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
         self._estop = StopListener(ros, parameters["estop_topic"], parameters["estop_timeout"], self._stop)
+        ros.on_inactive(lambda: self._freeze("the arm's node was deactivated"))
 
     @property
     def stopped(self) -> bool:
         """Whether the emergency stop is engaged, or counts so because it is silent."""
         return self._estop.engaged
+
+    @property
+    def _held_by(self) -> str | None:
+        return self._estop.reason or self._ros.inactive or None
 
     # --- where it is --------------------------------------------------------------------------------------
 
@@ -162,7 +167,7 @@ class Arm:
             ArmRequestRefused: another owner has a claim, the emergency stop is engaged, or servos are being
                 switched.
         """
-        reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
+        reason = self._held_by or self._claim_reason(owner) or self._switching_reason()
         if reason is not None:
             raise ArmRequestRefused(reason)
         self._claim = _Claim(owner, what, interrupted)
@@ -174,7 +179,7 @@ class Arm:
 
     def refusal(self, owner: str) -> str | None:
         """Return why `owner` may not move the arm now; None if it may."""
-        reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
+        reason = self._held_by or self._claim_reason(owner) or self._switching_reason()
         return reason or self._torque_reason()
 
     def _claim_reason(self, owner: str) -> str | None:
@@ -280,7 +285,7 @@ class Arm:
             ArmRequestRefused: another owner has a claim; or, for on, the emergency stop is engaged, or the
                 position is unknown, so that the arm might jump.
         """
-        reason = (self._estop.reason if on else None) or self._claim_reason(owner)
+        reason = (self._held_by if on else None) or self._claim_reason(owner)
         if reason is not None:
             raise ArmRequestRefused(reason)
         if on:
@@ -311,10 +316,13 @@ class Arm:
         if not state.engaged:
             self._ros.log.info("emergency stop released")
             return
+        self._freeze(f"the emergency stop was {'silent' if state.silent else 'engaged'}")
+
+    def _freeze(self, reason: str) -> None:
         self.stops += 1
-        self._ros.log.warning(f"{self._estop.reason}: the arm stays where it is")
+        self._ros.log.warning(f"{reason}: the arm stays where it is")
         self.hold()
-        self._interrupt(f"the emergency stop was {'silent' if state.silent else 'engaged'}")
+        self._interrupt(reason)
 
 
 def _stay(pose: Pose, seconds: float) -> Trajectory:

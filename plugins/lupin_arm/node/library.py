@@ -69,7 +69,7 @@ class LibraryServer:
     def _serve(self) -> None:
         now = partial(self._ros.serve, stale_after=STALE_AFTER_S)
         later = partial(self._ros.serve_later, stale_after=STALE_AFTER_S, refuse=refuse)
-        now(GetArmLibrary, f"{BASE}/list", self._list, refuse=_refuse_list)
+        now(GetArmLibrary, f"{BASE}/list", self._list, refuse=_refuse_list, in_every_state=True)
         now(SaveArmPose, f"{BASE}/save_pose", _answering(self._save_pose), refuse=refuse)
         edit = _answering(lambda asked: self._library.edit(asked.kind, asked.name, asked.new_name))
         now(ArmLibraryEdit, f"{BASE}/delete", edit, refuse=refuse)
@@ -77,7 +77,7 @@ class LibraryServer:
         later(PlayArmSequence, f"{BASE}/play", _answering_later(self._play))
         later(ArmRecord, f"{BASE}/record", self._record)
         # Stopping late is better than not at all.
-        self._ros.serve_later(Trigger, f"{BASE}/stop", _answering_later(self._stop))
+        self._ros.serve_later(Trigger, f"{BASE}/stop", _answering_later(self._stop), in_every_state=True)
 
     # --- the entries --------------------------------------------------------------------------------------
 

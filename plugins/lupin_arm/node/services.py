@@ -19,7 +19,7 @@ from lupin_ros.adapter import RosNode
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
-    with RosNode("lupin_arm", arguments, PARAMETERS) as ros:
+    with RosNode("lupin_arm", arguments, PARAMETERS, managed=True) as ros:
         serve_all(ros)
         ros.spin()
     return 0

@@ -121,7 +121,7 @@ def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> N
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    with RosNode("lupin_gateway", arguments, PARAMETERS) as ros:
+    with RosNode("lupin_gateway", arguments, PARAMETERS, managed=True) as ros:
         values = ros.parameters()
         check(values)
         kept = kept_by(values)

@@ -213,6 +213,11 @@ class Actions:
             self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, pending, caller, type_, goal)
         )
 
+    @property
+    def under_way(self) -> str:
+        """The action of a goal that has not ended; '' where there is none."""
+        return next((each.name for each in self._pending if not each.is_over), "")
+
     def cancel_all(self) -> None:
         """Cancel all goals, also those that wait to be sent or accepted."""
         for each in list(self._pending):

@@ -6,6 +6,7 @@ that wait for their server when the stop comes.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -22,6 +23,9 @@ from lupin_ros.adapter import RosNode
 
 Post = Callable[..., None]
 
+#: Seconds for which a message that moves the robot counts: a base obeys a velocity no longer.
+DRIVES_S = 1.0
+
 
 class RosAdapter:
     """The robot as a `ports.RosPort`; `post` schedules a call on the event loop."""
@@ -36,6 +40,10 @@ class RosAdapter:
         self._rosapi = Rosapi(ros, self._services)
         #: What moves the robot; while it is stopped none is sent, also not what a page asked for before.
         self.moving = MotionNames(())
+        #: Returns whether a call commands the mission, other than to pause.
+        self.commands: Callable[[str, Any], bool] = lambda *_: False
+        #: When pages last published what moves the robot, by topic.
+        self._moved_at: dict[str, float] = {}
         self._stopped = False
         self._stops = 0
 
@@ -68,8 +76,12 @@ class RosAdapter:
         self._ros.post(lambda: self._report(problem, self._publish(topic, data)))
 
     def _publish(self, topic: str, data: Any) -> str:
-        if self._stopped and self.moving.published(topic, data):
-            return f"{topic} {STOPPED}"
+        moves = self.moving.published(topic, data)
+        if moves and (refused := self._refused):
+            return f"{topic} {refused}"
+        self._moved_at.pop(topic, None)
+        if moves:
+            self._moved_at[topic] = time.monotonic()
         return self._publishers.publish(topic, data)
 
     def _report(self, problem: Callable[[str], None], text: str) -> None:
@@ -82,6 +94,9 @@ class RosAdapter:
         moves = self.moving.called(service)
 
         def call() -> None:
+            if self._ros.inactive and (moves or self.commands(service, data)):
+                answer(CallFailed(f"{service} refused: {self._ros.inactive}"))
+                return
             stops = self._stops
             still = partial(self._still_allowed, stops) if moves else _always
             self._services.call(service, data, limit, answer, still)
@@ -90,7 +105,7 @@ class RosAdapter:
 
     def _still_allowed(self, stops: int) -> bool:
         """Return whether no stop came since the `stops`-th: a call may have waited for its server."""
-        return not self._stopped and self._stops == stops
+        return not self._refused and self._stops == stops
 
     def send_goal(
         self,
@@ -105,18 +120,33 @@ class RosAdapter:
         return lambda: self._ros.post(pending.cancel)
 
     def _send_goal(self, pending: PendingGoal, data: Any) -> None:
-        if self._stopped:
-            pending.end(CallFailed(f"{pending.name} {STOPPED}"))
+        if refused := self._refused:
+            pending.end(CallFailed(f"{pending.name} {refused}"))
         else:
             self._actions.send(pending, data)
 
     # -- what stops ---------------------------------------------------------------------------------------
 
+    @property
+    def _refused(self) -> str:
+        """Why nothing may move the robot now; '' where it may."""
+        return STOPPED if self._stopped else self._ros.inactive and f"refused: {self._ros.inactive}"
+
+    def what_moves(self) -> str:
+        """Return by which name a page moves the robot now; '' where none does. On the ROS thread."""
+        since = time.monotonic() - DRIVES_S
+        driven = (topic for topic, at in self._moved_at.items() if at > since)
+        return next(driven, "") or self._actions.under_way
+
+    def end_all_motion(self) -> None:
+        """End all motion of pages, also what waits for its server; on the ROS thread."""
+        self._stops += 1
+        self._end_motion()
+
     def hear_stop(self, engaged: bool) -> None:
         """Record whether the robot is stopped; on the ROS thread. A stop ends all motion of pages."""
         if engaged and not self._stopped:
-            self._stops += 1
-            self._end_motion()
+            self.end_all_motion()
         self._stopped = engaged
 
     def halt(self) -> None:

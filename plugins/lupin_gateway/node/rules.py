@@ -6,6 +6,7 @@ import ssl
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -165,12 +166,28 @@ def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any]) -> 
     wire = catalog.profile.wire
     rules.motion = MotionGate((names.COMMAND_SERVICE, *([wire.requests.format("*")] if wire else ())))
     port.moving = allowed.moving
+    port.commands = partial(_commands, rules.motion)
+    ros.on_inactive(port.end_all_motion, partial(_what_moves, rules.motion, port))
     rules.warn = ros.log.warning
     if tokens:
         rules.invitations = Invitations(folder)
         certificate = _absolute(values["tls_certificate"])
         GatewayAddress(host(values), values["port"], _absolute(values["tokens"]), certificate).keep(folder)
     return rules
+
+
+def _commands(motion: MotionGate, service: str, data: Any) -> bool:
+    """Return whether a call commands the mission, other than to pause."""
+    verb = data.get("verb") if isinstance(data, Mapping) else ""
+    return motion.is_command(service) and PAUSE not in (verb, service.rpartition("/")[2])
+
+
+def _what_moves(motion: MotionGate, port: RosAdapter) -> str:
+    """Return why the gateway may not be deactivated: it would leave a robot that moves to nobody."""
+    if motion.hindrance == "mission":
+        return motion.state()["reason"]
+    by = port.what_moves()
+    return by and f"a page moves the robot by {by}"
 
 
 def _absolute(file: str) -> str:

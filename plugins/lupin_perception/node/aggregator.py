@@ -333,7 +333,7 @@ def _is_alike(box: PlanterBox | None, other: PlanterBox | None) -> bool:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
-    with RosNode(NAME, arguments, PARAMETERS) as ros:
+    with RosNode(NAME, arguments, PARAMETERS, managed=True) as ros:
         Aggregator(ros)
         ros.spin()
     return 0

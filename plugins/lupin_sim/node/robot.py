@@ -158,7 +158,7 @@ class SimNode:
             admit=self._admit,
             started=self._start,
             cancelled=self._cancel,
-        ).refuses = lambda: self._faults.now(InjectedFault.REFUSE_CANCEL)
+        ).refuses = lambda _: self._faults.now(InjectedFault.REFUSE_CANCEL)
         ros.subscribe(Twist, "/cmd_vel", Qos.EVENT, self._on_twist)
         self._display = Display(ros)
         ros.on_parameter(self._change)

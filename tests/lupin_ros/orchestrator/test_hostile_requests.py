@@ -27,6 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.joints import ARM
 from lupin_arm.library import ROUNDING, Library, Sequence, StoredPose, Waypoint
+from lupin_engine_msgs.action import RunMission
 from lupin_engine_msgs.srv import Command, Draw, Explain
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
@@ -65,6 +66,8 @@ ROS_OWN = (
     "list_parameters",
     "set_parameters",
     "set_parameters_atomically",
+    *("change_state", "get_state", "get_available_states"),  # wrong ones: test_lifecycle.py
+    *("get_available_transitions", "get_transition_graph"),
 )
 #: No answer is longer: it is shown on a screen.
 LONGEST_ANSWER = 500
@@ -523,6 +526,14 @@ def test_a_jaw_is_not_sent_to_what_is_no_angle(greenhouse: Greenhouse, number: f
     assert _send(greenhouse, GripperCommand, name, goal) == "succeeded"
 
 
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+@pytest.mark.parametrize("name", ["mission", "request", "by"])
+def test_a_mission_is_not_run_by_a_goal_of_nonsense(greenhouse: Greenhouse, name: str, text: str) -> None:
+    """It is aborted; what is only written down is shortened, so the mission is another's."""
+    goal = RunMission.Goal(**{"mission": "DanceMission", name: text})
+    assert _send(greenhouse, RunMission, "/mission/run", goal) == "ended as 6"
+
+
 def _send(greenhouse: Greenhouse, kind: Any, name: str, goal: Any) -> str:
     """Send a goal and return how it ended."""
     action = greenhouse.ros.action(kind, name)
@@ -544,7 +555,8 @@ def test_every_service_and_action_of_our_nodes_is_in_the_table(greenhouse: Green
     greenhouse.until(lambda: set(TABLE) <= _offered(greenhouse)[0], "all services of the table")
     served, actions = _offered(greenhouse)
     assert served == set(TABLE)
-    assert actions == {"/navigate_to_pose", "/mirte_master_gripper_controller/gripper_cmd"}
+    own = {"/navigate_to_pose", "/mirte_master_gripper_controller/gripper_cmd", "/mission/run"}
+    assert actions == own
 
 
 def _offered(greenhouse: Greenhouse) -> tuple[set[str], set[str]]:

@@ -247,8 +247,8 @@ def test_what_is_declared_is_there(catalog: Catalog) -> None:
     # Nav2 cancels by these, which are part of its actions.
     cancels = {f"/navigate_{how}/_action/cancel_goal" for how in ("to_pose", "through_poses")}
     assert named - topics - services == cancels
-    # The servos themselves are the arm's node's alone.
-    closed = ("/io/servo/", "/mirte_master_", "/enable_arm_control")
+    # The servos themselves are the arm's node's alone; pages start missions by the command service.
+    closed = ("/io/servo/", "/mirte_master_", "/enable_arm_control", "/mission/run")
     allowed = AllowList([*declared_access(catalog), ACCESS])
     unnamed = {name for name in services if not name.startswith(closed) and not allowed.least(Use.CALL, name)}
     assert unnamed == set()
@@ -282,6 +282,13 @@ def test_what_is_declared_is_there(catalog: Catalog) -> None:
             "calling {}" + UNDECLARED + f"did you mean '/mission/pause'? Or {OFFER}",
         ),
         (Use.CALL, "/mission_orchestrator/set_parameters", ENGINEER, "calling {}" + UNDECLARED + OFFER),
+        (
+            Use.ACTION,
+            "/mission/run",
+            ENGINEER,
+            "commanding the action {}" + UNDECLARED + f"did you mean '/mission/resume'? Or {OFFER}",
+        ),
+        (Use.CALL, "/mission/run/_action/send_goal", ENGINEER, "calling {}" + UNDECLARED + OFFER),
         (Use.PUBLISH, "/lupin/hmi/estop", VIEWER, ""),
         (Use.CALL, "/mission/pause", OPERATOR, ""),
     ],

@@ -127,7 +127,8 @@ def test_every_interface_of_the_page_is_in_use() -> None:
     }
     assert len(told) > 15
     assert len(ours) > 20
-    assert (told | ours) - used_interfaces() == set()
+    of_run_mission = {f"lupin_engine_msgs/msg/{name}" for name in ("OutcomeCount", "VisitOutcome")}
+    assert (told | ours) - used_interfaces() == of_run_mission
 
 
 @pytest.fixture

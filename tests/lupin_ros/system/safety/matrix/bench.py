@@ -6,6 +6,7 @@ that person would wait for.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import signal
@@ -27,10 +28,11 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from lupin_engine_msgs.action import RunMission
 from lupin_engine_msgs.srv import Command
 from lupin_msgs.srv import CalibrateArm, SetArmPreset, StartMission
 from lupin_ros.adapter.node import CallFailure, GoalCallbacks, Qos
-from lupin_ros.service.names import COMMAND_SERVICE
+from lupin_ros.service.names import COMMAND_SERVICE, RUN_ACTION
 from lupin_sim.layout import load_layout
 from tests.lupin_ros.system.safety.matrix.measure import Bystander
 from tests.lupin_ros.system.safety.matrix.page import STOP_TOPIC, Page
@@ -357,12 +359,23 @@ class Bench(Operator):
             ),
         )
 
+    def _far_tag(self) -> str:
+        x, y, _ = self._place()
+        return max(load_layout().tags, key=lambda tag: math.dist((tag.x, tag.y), (x, y))).id
+
+    def run_mission(self) -> None:
+        """A program runs the same mission as an action."""
+        asked = json.dumps({"tag_sequence": [self._far_tag()]})
+        if RUN_ACTION not in self._callers:
+            self._callers[RUN_ACTION] = self.ros.action(RunMission, RUN_ACTION)
+        client = self._callers[RUN_ACTION]
+        self.wait_for(client.ready, RUN_ACTION)
+        ended = lambda _, result: self.answers.append(result.message)  # noqa: E731
+        client.send(RunMission.Goal(mission="InspectionMission", request=asked), GoalCallbacks(ended=ended))
+
     def start_mission(self) -> None:
         """Start a mission to the tag that is farthest away."""
-        x, y, _ = self._place()
-        tags = load_layout().tags
-        tag = max(tags, key=lambda tag: math.dist((tag.x, tag.y), (x, y)))
-        request = StartMission.Request(mission_type="InspectionMission", tag_sequence=[tag.id])
+        request = StartMission.Request(mission_type="InspectionMission", tag_sequence=[self._far_tag()])
         said = lambda answer: "" if answer.accepted else str(answer.error_message)  # noqa: E731
         self._begin(StartMission, "/mission/start", request, said)
 

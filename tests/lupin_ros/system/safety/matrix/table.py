@@ -71,6 +71,7 @@ CONTINUE = {"mission_orchestrator": {"resume_policy": "continue"}}
 
 SOURCES = (
     Source("mission", "mission's goal", "start_mission", mission=True, answers=True),
+    Source("run_action", "mission by an action client", "run_mission", mission=True, answers=True),
     Source("page_goal", "goal by a page", "goal_of_page", answers=True),
     Source("goal_pose", "`/goal_pose` by a page", "click_of_page", answers=True),
     Source("cmd_vel", "`/cmd_vel` by a page", "joystick_of_page", hands_off="joystick_free", answers=True),
@@ -169,7 +170,7 @@ EVERY_SOURCE, EVERY_STOP = tuple(SOURCE_OF), tuple(STOP_OF)
 OF_PAGES = ("page_goal", "goal_pose", "cmd_vel", "base_taken", "arm_sequence")
 OF_PROGRAMS = ("plain_goal", "plain_twist", "arm_preset", "calibration")
 BY_HAND = (*OF_PAGES, *OF_PROGRAMS)
-OF_MISSION = ("mission", "resume_policy", "late_answer")
+OF_MISSION = ("mission", "run_action", "resume_policy", "late_answer")
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ RULES = (
     ),
     Rule(
         "no mission is under way yet that could be held",
-        ("mission", "late_answer"),
+        ("mission", "run_action", "late_answer"),
         ("restarted", "orchestrator_dead", "pause", "battery"),
         (BEFORE,),
     ),
@@ -295,7 +296,7 @@ SMALL = (
     ("plain_goal", "stop_roslib", BEFORE),
     ("arm_preset", "stop_a", BEFORE),
     ("mission", "battery", DURING),
-    ("mission", "restarted", DURING),
+    ("run_action", "restarted", DURING),
     ("arm_sequence", "gateway_dead", DURING),
     ("late_answer", "link_gone", DURING),
     ("calibration", "stop_left", BEFORE),
