@@ -40,7 +40,10 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A service, action or topic: `kind` is srv, action or msg; `deadline` is in seconds."""
+    """A service, action or topic: `kind` is srv, action or msg; `deadline` is in seconds.
+
+    A `common` one is the same for all robots: its name does not follow the namespace.
+    """
 
     kind: str
     name: str
@@ -48,6 +51,7 @@ class Endpoint:
     place: Place
     deadline: float | None
     qos: str
+    common: bool
 
 
 class Kinds(NamedTuple):

@@ -345,7 +345,7 @@ class _BindingReader:
                 node, "deadline", path, "a call would be too late as soon as it is made"
             )
         qos = node.qos if isinstance(node, TopicNode) else ""
-        return Endpoint(node.KIND, node.name, node.type, bound.place, deadline, qos)
+        return Endpoint(node.KIND, node.name, node.type, bound.place, deadline, qos, node.common)
 
     # -- parameters and codes ------------------------------------------------------------------------------
 

@@ -108,7 +108,7 @@ class ActionServer:
     """A server of an action. One that is `ours` serves this driver only: goals of others are cancelled."""
 
     def __init__(self, ros: RosNode, kind: Any, name: str, *, ours: bool) -> None:
-        self.name = name
+        self.name = name = ros.full(name)
         self._caller = ros.action(kind, name)
         self._cancel_all = ros.service(CancelGoal, f"{name}/_action/cancel_goal") if ours else None
         self._others = _OthersGoals(ros, name, self._cancel_all) if self._cancel_all is not None else None

@@ -1,4 +1,4 @@
-"""Keeps one orchestrator in a domain: the later process instance stands down.
+"""Keeps one orchestrator in a namespace of a domain: the later process instance stands down.
 
 A second one would carry out every request too, with the same robot. There are two checks: one before the node
 offers anything, and one for two that start in the same second.
@@ -38,8 +38,8 @@ def other_orchestrator(ros: RosNode, wire: Wire) -> str:
     counts only when its state is received as well.
     """
     heard: list[Any] = []
-    topic = ros.node.resolve_topic_name(wire.state.name)
-    _, replies = service_channels(ros.node.resolve_service_name(wire.start.name))
+    topic = ros.topic_name(wire.state.name)
+    _, replies = service_channels(ros.service_name(wire.start.name))
 
     def found() -> set[str]:
         publishing = ros.node.get_publishers_info_by_topic(topic)
@@ -83,7 +83,7 @@ def watch_for_older_instance(ros: RosNode, boot: str, found: Callable[[str], Non
 
     def listen_again() -> None:
         nonlocal reader
-        if not others and ros.node.count_publishers(CHART_TOPIC) > 1:
+        if not others and ros.count_publishers(CHART_TOPIC) > 1:
             ros.node.destroy_subscription(reader)
             reader = listen()
 

@@ -41,7 +41,7 @@ WATCH_S, GONE_AFTER_S = 0.5, 3.0
 
 def service_type(ros: RosNode, name: str) -> str:
     """Return the type of a served service; '' where no node serves it."""
-    requests, _ = service_channels(name)
+    requests, _ = service_channels(ros.full(name))
     servers = ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True)
     return type_name(servers[0]).removesuffix("_Request") if servers else ""
 

@@ -1,7 +1,7 @@
 """Answers the services of `/rosapi/`: pages' queries about nodes, topics, services and parameters.
 
-Only those that pages of this robot use. Their types are not checked: pages have called `get_time` with a
-wrong one for years, so only the name counts.
+Names are those of the gateway's namespace, without it. Only questions that pages of this robot use are there.
+Their types are not checked: pages have called `get_time` with a wrong one for years, so only the name counts.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
+from lupin_engine.plugin import COMMON_NAMES
 from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
 from lupin_gateway.node.calls import Services, action_type, service_type
@@ -79,18 +80,19 @@ class Rosapi:
         return {"time": {"sec": stamp.sec, "nanosec": stamp.nanosec}}
 
     def _topics(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        found = _seen(self._ros.node.get_topic_names_and_types())
+        found = self._seen(self._ros.node.get_topic_names_and_types())
         return {"topics": list(found), "types": list(found.values())}
 
     def _list_services(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        return {"services": list(_seen(self._ros.node.get_service_names_and_types()))}
+        return {"services": list(self._seen(self._ros.node.get_service_names_and_types()))}
 
     def _nodes(self, _: Mapping[str, Any]) -> dict[str, Any]:
         pairs = self._ros.node.get_node_names_and_namespaces()
-        return {"nodes": sorted({f"{namespace.rstrip('/')}/{name}" for name, namespace in pairs})}
+        nodes = (f"{namespace.rstrip('/')}/{name}" for name, namespace in pairs)
+        return {"nodes": sorted({own for node in nodes if (own := self._own(node))})}
 
     def _action_servers(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        names = (name for name, _ in self._ros.node.get_service_names_and_types())
+        names = (self._own(name) for name, _ in self._ros.node.get_service_names_and_types())
         ending = "/_action/send_goal"
         served = [name.removesuffix(ending) for name in names if name.endswith(ending)]
         return {"action_servers": sorted(name for name in served if action_type(self._ros, name))}
@@ -114,10 +116,18 @@ class Rosapi:
         service = f"{_absolute(node)}/get_parameters"
         self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, done_with)
 
+    def _seen(self, found: list[tuple[str, list[str]]]) -> dict[str, str]:
+        """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
+        return {
+            own: kinds[0] for name, kinds in sorted(found) if "/_" not in name and (own := self._own(name))
+        }
 
-def _seen(found: list[tuple[str, list[str]]]) -> dict[str, str]:
-    """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
-    return {name: kinds[0] for name, kinds in sorted(found) if "/_" not in name}
+    def _own(self, name: str) -> str:
+        """Return a name as pages write it; '' for one of another namespace."""
+        space = self._ros.namespace
+        if name in COMMON_NAMES or name.startswith(f"{space}/"):
+            return name.removeprefix(space)
+        return ""
 
 
 def _text(data: Mapping[str, Any], key: str) -> str:

@@ -140,7 +140,7 @@ def host(values: Mapping[str, Any]) -> str:
 
 def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any]) -> GatewayRules:
     """Return the rules, with the stops that an earlier gateway of this domain has left engaged."""
-    catalog, folder = load_catalog(), state_folder()
+    catalog, folder = load_catalog(), state_folder(robot=ros.namespace)
     tokens = Path(values["tokens"]) if values["tokens"] else None
     access = AccessControl(_TokensFile(ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
