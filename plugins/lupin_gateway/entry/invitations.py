@@ -38,12 +38,16 @@ def state_folder(domain: int | None = None, robot: str | None = None) -> Path:
 
 @dataclass(frozen=True)
 class GatewayAddress:
-    """Where the gateway of a domain listens, and its files of tokens and certificate ('': none)."""
+    """Where the gateway of a robot listens, and its files of tokens and certificate ('': none).
+
+    `base` stands before its paths, where it serves several robots.
+    """
 
     host: str
     port: int
     tokens: str
     certificate: str
+    base: str = ""
 
     @staticmethod
     def _file(folder: Path) -> Path:

@@ -1,7 +1,8 @@
 """Answers the services of `/rosapi/`: pages' queries about nodes, topics, services and parameters.
 
-Names are those of the gateway's namespace, without it. Only questions that pages of this robot use are there.
-Their types are not checked: pages have called `get_time` with a wrong one for years, so only the name counts.
+Names are those of the gateway's namespace, without it; nodes have their full names. Only the questions that
+pages of this robot use are answered. Their types are not checked: pages have called `get_time` with a wrong
+one for years, so only the name counts.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ class Rosapi:
     def _nodes(self, _: Mapping[str, Any]) -> dict[str, Any]:
         pairs = self._ros.node.get_node_names_and_namespaces()
         nodes = (f"{namespace.rstrip('/')}/{name}" for name, namespace in pairs)
-        return {"nodes": sorted({own for node in nodes if (own := self._own(node))})}
+        return {"nodes": sorted({node for node in nodes if self._own(node)})}
 
     def _action_servers(self, _: Mapping[str, Any]) -> dict[str, Any]:
         names = (self._own(name) for name, _ in self._ros.node.get_service_names_and_types())
@@ -113,7 +114,7 @@ class Rosapi:
             )
             done({"value": data.get("default_value", ""), "successful": False, "reason": reason})
 
-        service = f"{_absolute(node)}/get_parameters"
+        service = f"{self._own(_absolute(node)) or _absolute(node)}/get_parameters"
         self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, done_with)
 
     def _seen(self, found: list[tuple[str, list[str]]]) -> dict[str, str]:
