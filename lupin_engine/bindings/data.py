@@ -40,10 +40,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A service, action or topic: `kind` is srv, action or msg; `deadline` is in seconds.
-
-    A `common` one is the same for all robots: its name does not follow the namespace.
-    """
+    """A service, action or topic: `kind` is srv, action or msg; `deadline` is in seconds."""
 
     kind: str
     name: str
@@ -51,7 +48,6 @@ class Endpoint:
     place: Place
     deadline: float | None
     qos: str
-    common: bool
 
 
 class Kinds(NamedTuple):

@@ -102,6 +102,7 @@ from .registry import refuse_rivals as refuse_rivals
 from .registry import verified_plugin as verified_plugin
 from .robot import COMMON_NAMES as COMMON_NAMES
 from .robot import ROBOT as ROBOT
+from .robot import CommonName as CommonName
 from .robot import name_of as name_of
 from .robot import read_robot as read_robot
 from .robot import robot_namespace as robot_namespace

@@ -18,6 +18,12 @@ _NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)")
 _LONGEST = 100
 
 
+class CommonName(str):
+    """A full name of ROS that follows no namespace: all robots share it, or the network has it already."""
+
+    __slots__ = ()
+
+
 def read_robot(text: str, said: str = "--robot") -> str:
     """Return the namespace of a robot, such as `/robot2` for `robot2`; `said` is where the text stands.
 
@@ -41,8 +47,12 @@ def robot_namespace(environment: Mapping[str, str] = os.environ) -> str:
 
 
 def name_of(robot: str, name: str) -> str:
-    """Return the full name of a topic, service or action of a robot; `COMMON_NAMES` have no namespace."""
-    return name if not robot or name in COMMON_NAMES else f"{robot}/{name.removeprefix('/')}"
+    """Return the full name of a topic, service or action of a robot, in its namespace.
+
+    `COMMON_NAMES` and a `CommonName` have none, and private names (`~/`) get it from ROS.
+    """
+    keeps = name in COMMON_NAMES or isinstance(name, CommonName) or name.startswith("~")
+    return name if keeps or not robot else CommonName(f"{robot}/{name.removeprefix('/')}")
 
 
 def state_key(

@@ -62,7 +62,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.plugin import MAX_SECONDS, name_of, robot_namespace
+from lupin_engine.plugin import MAX_SECONDS, CommonName, name_of, robot_namespace
 from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
@@ -179,12 +179,6 @@ def one_context(arguments: Sequence[str]) -> Iterator[None]:
 def _bad_arguments(arguments: Sequence[str], error: Exception) -> UsageError:
     reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
     return UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}")
-
-
-class CommonName(str):
-    """A full name of ROS that follows no namespace."""
-
-    __slots__ = ()
 
 
 class RosTimer:
@@ -398,8 +392,7 @@ class RosNode:
 
     def full(self, name: str) -> str:
         """Return a name in the node's namespace, before remapping; private ones (`~/`) as they are."""
-        keeps = name.startswith("~") or isinstance(name, CommonName)
-        return name if keeps or not self.namespace else CommonName(name_of(self.namespace, name))
+        return name_of(self.namespace, name)
 
     def topic_name(self, name: str) -> str:
         """Return the name of a topic or action on the network: in the namespace, and remapped."""

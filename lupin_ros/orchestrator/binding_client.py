@@ -17,7 +17,7 @@ from rclpy.publisher import Publisher
 from lupin_engine.bindings import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
 from lupin_engine.plugin import Outlet
 from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
-from lupin_ros.adapter.node import CallFailure, CommonName, Qos, RosNode, RosTimer, peer_mismatches
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
 from lupin_ros.adapter.peers import is_listened_to
 from lupin_ros.adapter.qos import OBJECT_BYTES
 from lupin_ros.adapter.service_driver import (
@@ -77,7 +77,7 @@ class _BindingContext:
 
     def missing_server(self, endpoint: Endpoint, said: str) -> str:
         """Return why a server is missing, with a peer's other type or QoS where the graph shows one."""
-        name = self.ros.service_name(_name(endpoint))
+        name = self.ros.service_name(endpoint.name)
         others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
         return "; ".join([said, *sorted(others)[:1]])
 
@@ -85,7 +85,7 @@ class _BindingContext:
         """Return whether a server that is declared to watch this node does not subscribe to its lifeline."""
         if not (call.watched and self.ros.lifeline):
             return False
-        name = self.ros.service_name(_name(call.endpoint))
+        name = self.ros.service_name(call.endpoint.name)
         server = f"{name}/_action/send_goal" if call.endpoint.kind == "action" else name
         return not is_listened_to(self.ros, self.ros.lifeline, server)
 
@@ -118,7 +118,7 @@ class BoundClient:
         if server is None:
             of_it = [c for c in self._bound.calls.values() if c.endpoint.name == endpoint.name]
             ours = any(each.moves for each in of_it)
-            server = ActionServer(self._ros, interface_class(endpoint.type), _name(endpoint), ours=ours)
+            server = ActionServer(self._ros, interface_class(endpoint.type), endpoint.name, ours=ours)
             self._servers[endpoint.name] = server
         outcome = partial(_ended, self._context, call)
         progress = partial(_progress, self._context, call)
@@ -242,7 +242,7 @@ class _Listener:
         kind = interface_class(endpoint.type)
         # Each message becomes plain data, number by number.
         self._subscription = context.ros.subscribe(
-            kind, _name(endpoint), _QOS[endpoint.qos], self._take, OBJECT_BYTES
+            kind, endpoint.name, _QOS[endpoint.qos], self._take, OBJECT_BYTES
         )
 
     def _take(self, message: Any) -> None:
@@ -268,12 +268,8 @@ class _Listener:
         self._context.ros.node.destroy_subscription(self._subscription)
 
 
-def _name(endpoint: Endpoint) -> str:
-    return CommonName(endpoint.name) if endpoint.common else endpoint.name
-
-
 def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
-    return ros.publisher(interface_class(endpoint.type), _name(endpoint), _QOS[endpoint.qos])
+    return ros.publisher(interface_class(endpoint.type), endpoint.name, _QOS[endpoint.qos])
 
 
 # -- services ----------------------------------------------------------------------------------------------
@@ -283,7 +279,7 @@ def _called(context: _BindingContext, call: OperationCall) -> ServiceOperation:
     endpoint = call.endpoint
     kind = interface_class(endpoint.type)
     return ServiceOperation(
-        context.ros.service(kind, _name(endpoint)),
+        context.ros.service(kind, endpoint.name),
         partial(context.filled, kind.Request, "request", endpoint, call.sending),
         partial(_answered, context, call),
         CALL_DEADLINE_S if endpoint.deadline is None else endpoint.deadline,

@@ -14,8 +14,9 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lupin_engine.plugin import Wire
-from lupin_ros.adapter.network import NAMELESS, node_name
+from lupin_engine.plugin import Wire, ros_domain
+from lupin_ros.adapter.dds.ports import participants
+from lupin_ros.adapter.network import NAMELESS, node_name, other_participants
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.peers import service_channels
 from lupin_ros.interfaces.definitions import interface_class
@@ -25,14 +26,15 @@ from lupin_ros.service.names import CHART_TOPIC
 #: The beginning of a chart's record: the id of the orchestrator's process instance.
 _BOOT = re.compile(r'\{"boot": "(\w+)"')
 
-#: How long the search for another one takes, in seconds: one that runs is usually found within 0.3 s.
-LOOK_S = 1.0
+#: How long the search for another one takes, in seconds: one that runs is usually found within 0.3 s. Among
+#: several robots that takes longer: so many more where not all participants of this machine are known yet.
+LOOK_S, MORE_S = 1.0, 5.0
 #: How often a subscription is made again while another publisher's record has not arrived, in seconds.
 LISTEN_AGAIN_S = 3.0
 
 
 def other_orchestrator(ros: RosNode, wire: Wire) -> str:
-    """Return the name and lifecycle state of a running orchestrator; '' when none is found in `LOOK_S`.
+    """Return the name and lifecycle state of a running orchestrator; '' when none is found in time.
 
     Must be called before `ros` offers anything. Killed nodes stay in the graph for some seconds, so one
     counts only when its state is received as well.
@@ -48,7 +50,13 @@ def other_orchestrator(ros: RosNode, wire: Wire) -> str:
         return named[0] & named[1]
 
     subscription = ros.subscribe(interface_class(wire.state.type), topic, Qos[wire.state.qos], heard.append)
+
+    def is_certain() -> bool:
+        return bool(heard and found()) or other_participants(ros.node) >= there - 1
+
     ros.work_until(lambda: bool(heard and found()), LOOK_S)
+    there = participants(ros_domain()) or 0
+    ros.work_until(is_certain, MORE_S)
     others = ", ".join(sorted(found())) if heard else ""
     ros.node.destroy_subscription(subscription)
     return f"{others} ({wire.read_state(messages.read(heard[-1])).lifecycle})" if others else ""

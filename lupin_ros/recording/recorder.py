@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.plugin import COMMON_NAMES, Profile, Wire
+from lupin_engine.plugin import COMMON_NAMES, CommonName, Profile, Wire
 from lupin_engine.runtime import journal_files, journal_folder
 from lupin_ros.adapter.network import node_name
-from lupin_ros.adapter.node import CommonName, Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.qos import asks_more, heard_profile, offers_text
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.interfaces.type_hashes import local_hash

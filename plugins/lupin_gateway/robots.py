@@ -20,7 +20,7 @@ class Robots:
     def __init__(self, gateways: Mapping[str, Gateway]) -> None:
         self._all = dict(gateways)
         first = next(iter(self._all.values()))
-        self.gate, self.tls, self.warn = first.gate, first.tls, first.warn
+        self.gate, self.tls = first.gate, first.tls
         for gateway in self._all.values():
             gateway.siblings, gateway.gate = self._all, self.gate
 
@@ -45,6 +45,10 @@ class Robots:
     def protocol_only(self) -> ASGIApp:
         """Return the ASGI application of the second port, which is of the first robot."""
         return next(iter(self._all.values())).protocol_only()
+
+    def warn(self, text: str) -> None:
+        """Log what is wrong for a while."""
+        next(iter(self._all.values())).warn(text)
 
     def start(self) -> None:
         """Begin to work; on the event loop."""

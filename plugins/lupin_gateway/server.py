@@ -148,7 +148,6 @@ class Gateway:
         self._hub = hub
         self._limits = limits
         self.gate = Gate(places())
-        self.warn = rules.warn
         #: Who is connected, with what ends that for a reason.
         self._clients: dict[Guard, Callable[[str], None]] = {}
         self._must_go: set[Guard] = set()
@@ -187,6 +186,10 @@ class Gateway:
                 gateway.rules.access.admit(request.headers, gateway.rules.clocks.wall())
                 found.append(gateway.rules.summary(name))
         return JSONResponse(found)
+
+    def warn(self, text: str) -> None:
+        """Log what is wrong for a while."""
+        self.rules.warn(text)
 
     def start(self) -> None:
         """Begin to work; on the event loop."""
@@ -318,7 +321,9 @@ class RobotServer(Protocol):
 
     gate: Gate
     tls: Mapping[str, str]
-    warn: Callable[[str], object]
+
+    def warn(self, text: str) -> None:
+        """Log what is wrong for a while."""
 
     def application(self) -> ASGIApp:
         """Return the ASGI application of the first port."""

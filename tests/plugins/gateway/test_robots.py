@@ -68,7 +68,7 @@ def test_each_has_its_own_roles(two: tuple[ServedGateway, ServedGateway]) -> Non
     may = page_of("anna", first, "/robots/robot1").call(RESET, name="x")
     assert may["values"] == {"success": False, "message": "no stop is called 'x'; none is engaged"}
     refused = page_of("anna", first, "/robots/robot2").call(RESET, name="x")
-    assert refused["values"] == f"call {RESET} needs the role operator; anna is viewer"
+    assert refused["values"] == f"calling {RESET} needs the role operator; anna is viewer"
     with pytest.raises(urllib.error.HTTPError) as out:
         answer(first, "/robots/robot1/status", "ben")
     assert out.value.code == 401
@@ -129,8 +129,8 @@ def test_where_its_pages_are(two: tuple[ServedGateway, ServedGateway]) -> None:
             {"robots": ["robot2"], "open": True, "tokens": "/nowhere/{robot}.tokens"},
             "an open gateway needs tls_certificate: the certificate of this machine (PEM)\n"
             "an open gateway needs tls_key: its key (PEM)\n"
-            "tokens: there is no file /nowhere/robot2.tokens; it is who may come in: lines of NAME ROLE EXPIRES "
-            "TOKEN, mode 600",
+            "tokens: there is no file /nowhere/robot2.tokens; it is who may come in: lines of NAME ROLE "
+            "EXPIRES TOKEN, mode 600",
         ),
     ],
 )
