@@ -70,9 +70,7 @@ export function startPage(): void {
     document.documentElement.dataset["mode"] = now;
   });
   gateway.subscribe((now) => {
-    if (!now?.robot) return;
-    document.documentElement.dataset["robot"] = now.robot;
-    document.title = `${now.robot} – ${texts.peek().shell.title}`;
+    if (now?.robot) document.documentElement.dataset["robot"] = now.robot;
   });
   const lookAtStop = (): void => void (stopLinked.value = stopBox.dataset["state"] !== "away");
   new MutationObserver(lookAtStop).observe(stopBox, { attributeFilter: ["data-state"] });

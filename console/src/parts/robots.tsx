@@ -26,9 +26,9 @@ function Robot({ robot, heard, lifecycle, target, paused, stops, questions }: Ro
     <a href={`/robots/${robot}/${location.hash}`} aria-current={isOwn ? "page" : undefined}>
       <b>{robot}</b> {heard ? lifecycle : t.shell.notHeard} {heard && target && `· ${target}`}{" "}
       {paused && <Pill tone="warn">{t.shell.paused}</Pill>}{" "}
-      {!!stops.length && <Pill tone="bad">■ {t.alerts.stop(stops.join(", "))}</Pill>}{" "}
+      {!!stops.length && <Pill tone="bad">{t.alerts.stop(stops.join(", "))}</Pill>}{" "}
       {questions.map((question) => (
-        <Pill tone="warn">? {question}</Pill>
+        <Pill tone="warn">{question}</Pill>
       ))}
     </a>
   );
