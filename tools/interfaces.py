@@ -51,7 +51,8 @@ the network: the operator's HMI, the robot's own drivers, Nav2. What a binding o
 here: what is on the network now, `lupin graph` tells. The gateway also hears what pages want, and whatever
 its parameter `history` names. Each node also tells how it is, once a second on `/diagnostics`
 (diagnostic_msgs/DiagnosticArray): its process, its machine, the rates of its topics. `lupin types` writes
-all types for TypeScript, or as JSON Schema.
+all types for TypeScript, or as JSON Schema. With [a robot's name](operating.md#several-robots) all names are
+in its namespace.
 
 ## Quality of service
 

@@ -269,10 +269,11 @@ class RosNode:
             raise
 
     def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
+        namespace = robot_namespace() or None
         try:
             if self._context is not RosNode._shared:
                 begin(self._context, [*arguments, *_enclave_arguments(name, arguments)])
-            node = Node(name, context=self._context, namespace=robot_namespace() or None)
+            node = Node(name, context=self._context, namespace=namespace)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._end_context()
