@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.plugin import Catalog, Plugin, robot_namespace
+from lupin_engine.plugin import Catalog, Plugin, name_of, robot_namespace
 from lupin_ros.adapter.frames import FRAME_PREFIX
 from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, is_composable, nodes_of
 
@@ -166,7 +166,7 @@ def command(launches: Sequence[NodeLaunch], folder: Path, frame_prefix: str = ""
     for launch in launches:
         if launch.parameters:
             file = folder / f"{launch.node.name}.yaml"
-            name = f"{robot_namespace()}/{launch.node.name}"
+            name = name_of(robot_namespace(), launch.node.name)
             file.write_text(parameter_file(name, launch.parameters), encoding="utf-8")
             files += ["--params-file", str(file)]
     if frame_prefix:

@@ -3,124 +3,30 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import subprocess
-import sys
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pytest
 from rclpy.serialization import deserialize_message
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.plugin import COMMON_NAMES
 from lupin_ros.adapter.network import interfaces, other_participants
 from lupin_ros.adapter.node import Qos
-from tests.lupin_ros.world import Operator, World
+from tests.lupin_ros.system.robots.three import LUPIN, NAMES, Robot, flood, spin, stopped_in
 from tests.plugins.gateway.served import OpenPage
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.core]
 
-NAMES = ("robot1", "robot2", "robot3")
-LUPIN = str(Path(sys.executable).with_name("lupin"))
-SHARED = (
-    "lupin_sim",
-    "lupin_arm_sim",
-    "lupin_arm",
-    "greenhouse_bridge",
-    "perception_aggregator",
-    "lupin_twin",
-)
 #: Seconds that a stop may take while another robot is flooded, and how many are measured of each robot.
 STOP_S, STOPS = 0.1, 10
-#: Publishes and calls a thousand times a second.
-FLOOD = """
-from std_msgs.msg import Bool
-from lupin_msgs.srv import StartMission
-from lupin_ros.adapter.node import Qos, RosNode
-with RosNode("flood") as ros:
-    stop = ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
-    start = ros.service(StartMission, "/mission/start")
-    ros.steady_timer(0.001, lambda: stop.publish(Bool(data=False)))
-    ros.steady_timer(0.001, lambda: start.call(StartMission.Request(mission_type="x"), 1.0, lambda _: None))
-    ros.spin()
-"""
-
-
-class Robot:
-    """A robot of the domain: its processes, and an operator of it."""
-
-    def __init__(self, name: str, folder: Path) -> None:
-        folder.mkdir()
-        self.world = World(folder)
-        self.operator = Operator()
-        self.stop = self.operator.ros.publisher(Bool, "/lupin/hmi/estop", Qos.EVENT)
-        self.steps: list[str] = []
-        self.stops: list[bool] = []
-        self.operator.ros.subscribe(
-            String,
-            "/mission_orchestrator/steps",
-            Qos.BACKLOG,
-            lambda message: self.steps.append(message.data),
-        )
-        self.operator.ros.subscribe(Bool, "/e_stop_state", Qos.EVENT, lambda one: self.stops.append(one.data))
-        self._name = name
-
-    def bring_up(self, ros: tuple[str, ...], before: tuple[str, ...]) -> None:
-        """Start all its nodes, with these arguments of ROS, and options before the verb."""
-        for nodes in (("mission_orchestrator",), SHARED, ("nav_watchdog",)):
-            arguments = ["--ros-args", *ros, *(("-p", "estop_timeout_s:=10.0") if len(nodes) == 1 else ())]
-            self.world.run(nodes[0], [LUPIN, *before, "node", *nodes, *arguments])
-
-    def seen(self) -> tuple[int, ...]:
-        """Count what only an event of its own would change."""
-        held = sum(state.paused or state.estop_engaged for state in self.operator.states)
-        return held, sum(self.stops), self.starts()
-
-    def starts(self) -> int:
-        """Count the requests for a mission that it was told."""
-        return sum(json.loads(step)["step"]["event"] == "mission.start" for step in self.steps)
-
-
-@pytest.fixture(scope="module")
-def robots(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Robot]]:
-    """Each is named in another way, and drives."""
-    folder, found = tmp_path_factory.mktemp("robots"), []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CONFIG_HOME", str(folder))
-        for name in NAMES:
-            patch.setenv("LUPIN_ROBOT", name)
-            found.append(Robot(name, folder / name))
-        patch.setenv("LUPIN_ROBOT", "robot1")
-        found[0].bring_up((), ())
-        patch.delenv("LUPIN_ROBOT")
-        found[1].bring_up(("-r", "__ns:=/robot2"), ())
-        found[2].bring_up(("-p", "frame_prefix:=robot3/"), ("--robot", "robot3"))
-    try:
-        for robot in found:
-            robot.operator.in_state("READY")
-        yield found
-    finally:
-        stubborn = [node for robot in found for node in robot.world.stop()]
-        for robot in found:
-            robot.operator.ros.close()
-    assert stubborn == []
-
-
-def spin(robots: list[Robot], condition: Callable[[], object], seconds: float) -> bool:
-    """Let all operators work until a condition holds, at most so long; return whether it does."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        for robot in robots:
-            robot.operator.ros.spin_once(0.002)
-    return bool(condition())
 
 
 def test_no_name_is_shared_but_the_common_ones(
@@ -249,29 +155,3 @@ def test_a_verb_commands_its_robot(robots: list[Robot]) -> None:
     state = subprocess.run([LUPIN, "state", "--json", "--robot", "robot3"], capture_output=True, timeout=60.0)
     assert json.loads(state.stdout)["mission_id"] == third.operator.state.mission_id
     assert second.operator.state.mission_id != third.operator.state.mission_id
-
-
-class flood:  # noqa: N801 - a context, as a function
-    """Floods a robot's stop and its service that starts missions."""
-
-    def __init__(self, robot: str) -> None:
-        own = {**os.environ, "LUPIN_ROBOT": robot}
-        self._process = subprocess.Popen([sys.executable, "-c", FLOOD], env=own)
-
-    def __enter__(self) -> None:
-        """It has begun."""
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
-
-
-def stopped_in(robot: Robot, robots: list[Robot]) -> float:
-    """Stop a robot, release it, and return the seconds until its base and its mission were stopped."""
-    seen, asked = len(robot.stops), time.monotonic()
-    robot.stop.publish(Bool(data=True))
-    assert spin([robot], lambda: any(robot.stops[seen:]) and robot.operator.state.estop_engaged, 10.0)
-    took = time.monotonic() - asked
-    robot.stop.publish(Bool(data=False))
-    assert spin(robots, lambda: not (robot.stops[-1] or robot.operator.state.estop_engaged), 10.0)
-    return took
