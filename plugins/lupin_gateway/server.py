@@ -176,7 +176,8 @@ class Gateway:
         visitor = self.rules.access.admit(request.headers, self.rules.clocks.wall())
         state = {"clients": len(self._clients), "topics": self._hub.topics(), **self._ros.about()}
         who = {"name": visitor.name, "role": visitor.role.word}
-        return JSONResponse({**state, **who, "robot": self.robot, "robots": list(self.siblings)})
+        robots = {"robot": self.robot, "robots": list(self.siblings)} if self.robot else {}
+        return JSONResponse({**state, **who, **robots})
 
     async def _robots(self, request: Request) -> JSONResponse:
         """Answer with a `RobotRecord` of each robot that the visitor is let in to."""

@@ -31,6 +31,7 @@ def two(tmp_path: Path) -> Iterator[tuple[ServedGateway, ServedGateway]]:
     first = ServedGateway(tmp_path / "1", tokens=[token("anna", UserRole.OPERATOR)])
     known: Sequence[IssuedToken] = [token("anna", UserRole.VIEWER), token("ben", UserRole.OPERATOR)]
     second = ServedGateway(tmp_path / "2", tokens=known)
+    first.gateway.robot, second.gateway.robot = "robot1", "robot2"
     first.together(robot2=second)
     with first:
         yield first, second
@@ -47,6 +48,14 @@ def answer(gateway: ServedGateway, path: str, name: str = "", **headers: str) ->
     asked = urllib.request.Request(f"http://localhost:{gateway.port}{path}", headers=headers)
     with urllib.request.urlopen(asked, timeout=30) as found:
         return found.read().decode(), found.url.partition(str(gateway.port))[2]
+
+
+def refused(gateway: ServedGateway, path: str, name: str) -> int:
+    """Return the status of a refusal."""
+    with pytest.raises(urllib.error.HTTPError) as out:
+        answer(gateway, path, name)
+    out.value.close()
+    return out.value.code
 
 
 def test_a_stop_is_of_one_robot(two: tuple[ServedGateway, ServedGateway]) -> None:
@@ -67,11 +76,9 @@ def test_each_has_its_own_roles(two: tuple[ServedGateway, ServedGateway]) -> Non
     first, _ = two
     may = page_of("anna", first, "/robots/robot1").call(RESET, name="x")
     assert may["values"] == {"success": False, "message": "no stop is called 'x'; none is engaged"}
-    refused = page_of("anna", first, "/robots/robot2").call(RESET, name="x")
-    assert refused["values"] == f"calling {RESET} needs the role operator; anna is viewer"
-    with pytest.raises(urllib.error.HTTPError) as out:
-        answer(first, "/robots/robot1/status", "ben")
-    assert out.value.code == 401
+    may_not = page_of("anna", first, "/robots/robot2").call(RESET, name="x")
+    assert may_not["values"] == f"calling {RESET} needs the role operator; anna is viewer"
+    assert refused(first, "/robots/robot1/status", "ben") == 401
 
 
 def test_the_list_has_those_that_the_visitor_is_let_in_to(two: tuple[ServedGateway, ServedGateway]) -> None:
@@ -104,9 +111,7 @@ def test_where_its_pages_are(two: tuple[ServedGateway, ServedGateway]) -> None:
     assert (where, "stop.js" in page) == ("/robots/robot2/", True)
     assert answer(first, "/robots/robot2/", accept="text/html")[1] == "/robots/robot2/login"
     assert json.loads(answer(first, "/status", "anna")[0])["robots"] == ["robot1", "robot2"]
-    with pytest.raises(urllib.error.HTTPError) as out:
-        answer(first, "/robots/robot3/", "anna")
-    assert out.value.code == 404
+    assert refused(first, "/robots/robot3/", "anna") == 404
 
 
 @pytest.mark.parametrize(
@@ -138,6 +143,6 @@ def test_what_cannot_be_served_is_told_at_the_start(given: dict[str, Any], why: 
     pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
     from lupin_gateway.node import PARAMETERS, check
 
-    with pytest.raises(UsageError) as refused:
+    with pytest.raises(UsageError) as told:
         check({**{name: spec.default for name, spec in PARAMETERS.items()}, **given})
-    assert str(refused.value) == why
+    assert str(told.value) == why
