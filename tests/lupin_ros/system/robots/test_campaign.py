@@ -10,6 +10,7 @@ from contextlib import ExitStack
 
 import pytest
 
+from lupin_harness.domains import claimed_domain
 from tests.lupin_ros.system.robots.three import Robot, flood, spin, stopped_in
 
 pytestmark = [pytest.mark.timeout(600), pytest.mark.long]
@@ -26,7 +27,8 @@ end = time.monotonic() + 60.0
 while other_participants(nodes[-1].node) < len(nodes) - 1 and time.monotonic() < end:
     nodes[-1].spin_once(0.1)
 print(other_participants(nodes[-1].node), other_participants(nodes[0].node), flush=True)
-import os; os._exit(0)
+import os
+os._exit(0)
 """
 
 
@@ -47,14 +49,15 @@ def test_a_flooded_fleet_stops_in_time(
     assert stopped.starts() == 1
 
 
-def test_as_many_processes_find_each_other(ros_domain: int) -> None:
+def test_as_many_processes_find_each_other() -> None:
     """The profile says so: without it 33 are the last."""
-    said = subprocess.run(
-        [sys.executable, "-c", MEET, str(MANY)],
-        env=os.environ,
-        capture_output=True,
-        text=True,
-        timeout=200.0,
-        check=False,
-    )
+    with claimed_domain() as domain:
+        said = subprocess.run(
+            [sys.executable, "-c", MEET, str(MANY)],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            capture_output=True,
+            text=True,
+            timeout=200.0,
+            check=False,
+        )
     assert said.stdout.split() == [str(MANY - 1)] * 2, said.stderr
