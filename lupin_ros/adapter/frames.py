@@ -28,11 +28,22 @@ class FramePrefix:
         """Return a message without the prefix; frames of others keep theirs."""
         return _renamed(message, self._removed) if self._prefix else message
 
+    def reading(self, decode: Callable[[bytes], dict[str, Any]]) -> Callable[[bytes], dict[str, Any]]:
+        """Return a decoder of messages as plain data that takes the prefix off."""
+        return (lambda data: _plain(decode(data), self._removed)) if self._prefix else decode
+
     def _added(self, frame: str) -> str:
         return frame if not frame or frame.startswith(self._prefix) else self._prefix + frame.lstrip("/")
 
     def _removed(self, frame: str) -> str:
         return frame.lstrip("/").removeprefix(self._prefix)
+
+
+def _plain(data: Any, rename: Callable[[str], str]) -> Any:
+    if isinstance(data, dict):
+        return {key: rename(one) if key in _FRAMES else _plain(one, rename) for key, one in data.items()}
+    is_of_messages = isinstance(data, list) and data and isinstance(data[0], dict)
+    return [_plain(one, rename) for one in data] if is_of_messages else data
 
 
 def _renamed(message: Any, rename: Callable[[str], str]) -> Any:

@@ -80,7 +80,7 @@ class Subscription:
         self._profile = profile
         latched = is_latched(profile)
         try:
-            kind, decode = types.class_of(type_), types.decode(type_)
+            kind, decode = types.class_of(type_), self._ros.frames.reading(types.decode(type_))
         except NotCarried as problem:
             self._post(self._problem, f"{self.topic}: {problem}")
             return

@@ -43,6 +43,15 @@ def test_every_header_of_a_message_has_it() -> None:
     assert {path.header.frame_id, *(pose.header.frame_id for pose in path.poses)} == {"r/map"}
 
 
+def test_plain_data_is_read_without_it() -> None:
+    """As pages get it."""
+    sent = {"transforms": [{"header": {"frame_id": "r/map"}, "child_frame_id": "r/odom", "x": [1.0]}]}
+    read = FramePrefix("r/").reading(lambda _: sent)
+    assert read(b"") == {
+        "transforms": [{"header": {"frame_id": "map"}, "child_frame_id": "odom", "x": [1.0]}]
+    }
+
+
 def test_without_a_prefix_nothing_changes() -> None:
     message = transforms(("/map", "odom"))
     assert frames(FramePrefix("").incoming(FramePrefix("").outgoing(message))) == [("/map", "odom")]
