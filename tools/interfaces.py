@@ -53,7 +53,8 @@ its parameter `history` names. Each node also tells how it is, once a second on 
 (diagnostic_msgs/DiagnosticArray, by REP 107): its process, its machine, the rates of its topics, and below
 `NODE: SUBJECT` each trouble with its `code`, `cause` and `advice`. All but the simulated ones also answer
 the services of [a lifecycle manager](operating.md#lifecycle-managers). `lupin types` writes all types for
-TypeScript, or as JSON Schema.
+TypeScript, or as JSON Schema. With [a robot's name](operating.md#several-robots) all names are in its
+namespace.
 
 ## Quality of service
 

@@ -22,6 +22,7 @@ from lupin_engine.runtime.explanation import ExplanationRecord
 from lupin_engine.runtime.offer import MissionsRecord
 from lupin_engine.runtime.possible import PossibleRecord
 from lupin_engine.runtime.record import COMMAND_NAMES
+from lupin_gateway.guard import RobotRecord
 from lupin_gateway.motion import BaseRecord
 from lupin_gateway.people import NotificationsRecord, PeopleRecord
 from lupin_gateway.stop import StopsRecord
@@ -37,7 +38,7 @@ HEAD = """\
 #: The records of topics, and of answers to a page.
 ROOTS: Sequence[type] = (
     *(StepRecord, PublishedPossible, MissionsRecord, ChartRecord, ExplanationRecord, SimulationRecord),
-    *(StopsRecord, BaseRecord, PeopleRecord, NotificationsRecord),
+    *(StopsRecord, BaseRecord, PeopleRecord, NotificationsRecord, RobotRecord),
 )
 
 

@@ -15,6 +15,7 @@ import { startTopics } from "./model/topics";
 import { moment } from "./model/time/past";
 import { clockTime } from "./parts/format";
 import { MomentBar } from "./parts/moment";
+import { Robots, startRobots } from "./parts/robots";
 import { Contained, Pill } from "./parts/panel";
 import { VirtualBar } from "./parts/virtual";
 import "./style/base.css";
@@ -137,6 +138,7 @@ function Console() {
         <Settings />
       </nav>
       <div class="bars">
+        <Robots />
         <Alerts />
         <VirtualBar />
         <Bar />
@@ -173,5 +175,6 @@ startSimulation();
 startPlayback();
 startPeople();
 startAlerts();
+startRobots();
 link.start();
 render(<Console />, document.getElementById("console")!);

@@ -119,6 +119,22 @@ export interface NotificationsRecord {
 }
 
 /**
+ * What a robot does, for a list of them: the mission's state, what stops it, and its open questions.
+ *
+ * `stops` are names of pages, and sources of other stops. Not `heard`: its orchestrator is silent.
+ */
+export interface RobotRecord {
+  readonly robot: string;
+  readonly heard: boolean;
+  readonly lifecycle: string;
+  readonly mission: string;
+  readonly target: string;
+  readonly paused: boolean;
+  readonly stops: readonly string[];
+  readonly questions: readonly string[];
+}
+
+/**
  * One macrostep, as it is logged.
  *
  * `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and

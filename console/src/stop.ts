@@ -4,7 +4,7 @@
 // it, which is there only while this page is stopped and has to be held: the finger that stops cannot release.
 // The stop is told at once and then steadily; what this page said last is remembered, so that a page that is loaded anew is
 // still stopped. Whether the connection lives is asked all the time: one that is dead is found out, and made anew.
-import { addressOf } from "./wire/address";
+import { addressOf, baseOf } from "./wire/address";
 import type { StopsRecord } from "./records";
 
 const TOPIC = "/lupin/hmi/estop";
@@ -20,7 +20,8 @@ const DEAD_AFTER_MS = 3000;
 const CONNECT_WITHIN_MS = 5000;
 /** For so long a button is held that releases a stop. */
 const HOLD_MS = 1000;
-const REMEMBERED = "lupin.stopped";
+/** Of each robot for itself: a page that goes on to another robot does not stop that one. */
+const REMEMBERED = `lupin.stopped${baseOf(location)}`;
 
 type Stops = Pick<StopsRecord, "stopped" | "stops">;
 
@@ -92,18 +93,24 @@ function set(to: boolean): void {
   show();
 }
 
+/** Whose stop this is; nothing where there is no other robot. */
+function robot(): string {
+  return baseOf(location).split("/")[2] ?? document.documentElement.dataset["robot"] ?? "";
+}
+
 function show(): void {
   const words = document.documentElement.lang === "nl" ? WORDS.nl : WORDS.en;
   const isRecording = document.documentElement.dataset["mode"] === "recording";
   const names = stops.stops.map(({ name }) => name);
-  button.textContent = words.stop;
+  button.textContent = `${words.stop} ${robot()}`.trim();
   button.setAttribute("aria-pressed", String(stopped));
   release.textContent = words.release;
   release.hidden = !stopped;
   box.dataset["state"] = !isHeard ? "away" : stopped || stops.stopped ? "stopped" : "free";
   const by = names.length ? words.by(names.join(", ")) : "";
   button.disabled = isRecording;
-  told.textContent = isRecording ? words.recording : problem || (isHeard ? by || (stopped ? words.here : "") : words.unreachable);
+  const says = isRecording ? words.recording : problem || (isHeard ? by || (stopped ? words.here : "") : words.unreachable);
+  told.textContent = robot() && says ? `${robot()}: ${says}` : says;
   showOthers(
     stops.stops.filter((each) => each.left || !stopped).map((each) => each.name),
     words.reset,
@@ -229,7 +236,7 @@ addEventListener(
   },
   { capture: true },
 );
-new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang", "data-mode"] });
+new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang", "data-mode", "data-robot"] });
 document.addEventListener("visibilitychange", letGo);
 setInterval(() => {
   if (stopped) tell();

@@ -70,7 +70,7 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
             continue  # what is wrong with it has been told
         for key, path, endpoint in _endpoints(binding.node):
             name = _absolute(endpoint.name)
-            refusal = _refusal(key, name, allowed.get(key, []), file, catalog)
+            refusal = _refusal(key, name, allowed.get(key, []), file, catalog, common=endpoint.common)
             if refusal:
                 findings.add(endpoint.at("name"), "not-allowed", path, *refusal)
             if key == "subscribe" and (plugin := _old_owner(name, catalog)):
@@ -80,19 +80,24 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
 
 
 def _refusal(
-    key: str, name: str, patterns: list[str], file: Path, catalog: Catalog
+    key: str, name: str, patterns: list[str], file: Path, catalog: Catalog, *, common: bool
 ) -> tuple[str, str] | None:
-    """Return the problem with a name that no plugin offers and no setting allows, and a hint; else None."""
-    if _is_offered(key, name, catalog):
+    """Return the problem with a name that no plugin offers and no setting allows, and a hint; else None.
+
+    What plugins offer, and wildcards, are names of one robot: a `common` name must be written in full.
+    """
+    if not common and _is_offered(key, name, catalog):
         return None
     owner = _owner(key, name, catalog)
-    if any(pattern == name or (not owner and fnmatchcase(name, pattern)) for pattern in patterns):
+    in_full = common or bool(owner)
+    if any(pattern == name or (not in_full and fnmatchcase(name, pattern)) for pattern in patterns):
         return None
-    itself, belongs = (", without '*',", f", which belongs to {owner}") if owner else ("", "")
+    itself, belongs = ", without '*'," if in_full else "", f", which belongs to {owner}" if owner else ""
     hint = or_else(meant(name, patterns), f"write {name}{itself} under 'allow: {key}' in {file}")
     if key == "publish" and (plugin := _old_owner(name, catalog)):
         hint += f"; or let plugin {plugin!r} declare accepts=({name!r},)"
-    return f"it is not allowed to {_CALLED[key]} {name!r}{belongs}", hint
+    of_all = " of all robots" if common else ""
+    return f"it is not allowed to {_CALLED[key]} {name!r}{of_all}{belongs}", hint
 
 
 def _is_offered(key: str, name: str, catalog: Catalog) -> bool:

@@ -64,6 +64,9 @@ class EndpointNode(Node):
 
     name: str = Field(description="its name over ROS")
     type: str = Field(description="its type as PACKAGE/KIND/NAME")
+    common: bool = Field(
+        False, description="`true`: all robots of a ROS domain share it, its name follows no namespace"
+    )
 
 
 class ServiceNode(EndpointNode):

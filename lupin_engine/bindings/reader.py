@@ -64,6 +64,7 @@ from lupin_engine.plugin.contract import (
 )
 from lupin_engine.plugin.mocks import MockCases
 from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, Catalog
+from lupin_engine.plugin.robot import CommonName
 from lupin_engine.plugin.types import (
     ANY,
     DURATION,
@@ -345,7 +346,8 @@ class _BindingReader:
                 node, "deadline", path, "a call would be too late as soon as it is made"
             )
         qos = node.qos if isinstance(node, TopicNode) else ""
-        return Endpoint(node.KIND, node.name, node.type, bound.place, deadline, qos)
+        name = CommonName(node.name) if node.common else node.name
+        return Endpoint(node.KIND, name, node.type, bound.place, deadline, qos)
 
     # -- parameters and codes ------------------------------------------------------------------------------
 

@@ -99,6 +99,13 @@ from .registry import load_catalog as load_catalog
 from .registry import load_profiles as load_profiles
 from .registry import refuse_rivals as refuse_rivals
 from .registry import verified_plugin as verified_plugin
+from .robot import COMMON_NAMES as COMMON_NAMES
+from .robot import ROBOT as ROBOT
+from .robot import CommonName as CommonName
+from .robot import name_of as name_of
+from .robot import read_robot as read_robot
+from .robot import robot_namespace as robot_namespace
+from .robot import state_key as state_key
 from .types import ANGLE as ANGLE
 from .types import ANY as ANY
 from .types import BOOL as BOOL

@@ -32,6 +32,7 @@ RESERVED = frozenset(
         "resume_policy",
         "start_type_description_service",
         "state_publish_rate_hz",
+        "frame_prefix",
         "use_sim_time",
     }
 )

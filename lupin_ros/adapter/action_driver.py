@@ -17,7 +17,7 @@ from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.plugin import Outlet
+from lupin_engine.plugin import CommonName, Outlet
 from lupin_ros.adapter.actions import WORKING, GoalCallbacks, goal_id
 from lupin_ros.adapter.host import Repeater
 from lupin_ros.adapter.node import Goal, Qos, RosNode, ServiceCaller
@@ -55,7 +55,7 @@ class _OthersGoals:
         self._waiting: list[Callable[[], None]] = []
         self._asks = 0
         self._asking = Repeater(ros.steady_timer, OTHERS_PERIOD_S, self._ask)
-        ros.subscribe(GoalStatusArray, f"{name}/_action/status", Qos.LATCHED, self._on_status)
+        ros.subscribe(GoalStatusArray, CommonName(f"{name}/_action/status"), Qos.LATCHED, self._on_status)
 
     def own(self, key: str) -> None:
         """Record the goal with a key as ours."""
@@ -108,9 +108,10 @@ class ActionServer:
     """A server of an action. One that is `ours` serves this driver only: goals of others are cancelled."""
 
     def __init__(self, ros: RosNode, kind: Any, name: str, *, ours: bool) -> None:
-        self.name = name
+        self.name = name = ros.full(name)
         self._caller = ros.action(kind, name)
-        self._cancel_all = ros.service(CancelGoal, f"{name}/_action/cancel_goal") if ours else None
+        cancel = CommonName(f"{name}/_action/cancel_goal")
+        self._cancel_all = ros.service(CancelGoal, cancel) if ours else None
         self._others = _OthersGoals(ros, name, self._cancel_all) if self._cancel_all is not None else None
         self._clears = False
         self._is_cleared = not ours

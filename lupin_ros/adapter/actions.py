@@ -216,6 +216,7 @@ class Goal:
     def send(self, goal: Any) -> None:
         """Send the goal request (called once, by the caller object)."""
         guard = self._caller.ros.guarded
+        goal = self._caller.ros.frames.outgoing(goal)
         future = self._client.send_goal_async(goal, guard(self._on_feedback), self._id)
         future.add_done_callback(guard(self._on_answer))
 
@@ -277,7 +278,7 @@ class Goal:
         if self._over:
             return
         self._accept()  # feedback may overtake the answer to the goal request
-        self._report.feedback(message.feedback)
+        self._report.feedback(self._caller.ros.frames.incoming(message.feedback))
 
     def _ask_result(self) -> None:
         future = self._client._get_result_async(self._handle)
@@ -293,7 +294,8 @@ class Goal:
         if not self._accepted:
             self._accepted = True
             self._report.accepted()
-        self._end(partial(self._report.ended, int(response.status), response.result))
+        result = self._caller.ros.frames.incoming(response.result)
+        self._end(partial(self._report.ended, int(response.status), result))
 
     def _end(self, report: Callable[[], None]) -> None:
         self._over = True
@@ -403,7 +405,7 @@ class ActionHost:
 
     def _on_request(self, request: Any) -> GoalResponse:
         try:
-            taken = self._admit(request)
+            taken = self._admit(self._ros.frames.incoming(request))
         except Exception:
             self._ros.log.exception("admitting a goal failed; it is rejected")
             taken = False
@@ -444,7 +446,7 @@ class ServedGoal:
         self._handle = handle
         self._forget = forget
         self.key = bytes(handle.goal_id.uuid)
-        self.request = handle.request
+        self.request = ros.frames.incoming(handle.request)
         self.result: Future = Future()
 
     @property
@@ -455,7 +457,7 @@ class ServedGoal:
     def feedback(self, message: Any) -> None:
         """Publish feedback."""
         if self.active:
-            self._handle.publish_feedback(message)
+            self._handle.publish_feedback(self._ros.frames.outgoing(message))
 
     def succeed(self, result: Any) -> None:
         """End the goal: reached."""
@@ -473,5 +475,5 @@ class ServedGoal:
         if not self.active:
             return
         transition()
-        self.result.set_result(result)
+        self.result.set_result(self._ros.frames.outgoing(result))
         self._forget(self)  # posting wakes the executor, which then resumes the waiting coroutine

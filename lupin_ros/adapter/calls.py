@@ -87,8 +87,9 @@ class ServiceCall:
     def start(self, request: Any, timeout: float) -> None:
         """Send the request and set the deadline (called once, by the caller object)."""
         ros = self._caller.ros
-        self._future = self._caller.client.call_async(request)
-        self._future.add_done_callback(ros.guarded(lambda future: self.finish(future.result())))
+        self._future = self._caller.client.call_async(ros.frames.outgoing(request))
+        answered = ros.guarded(lambda future: self.finish(ros.frames.incoming(future.result())))
+        self._future.add_done_callback(answered)
         late = CallFailure("timeout", f"{self._caller.name}: no answer within {timeout:g} s")
         self._deadline = ros.steady_timer(timeout, lambda: self.finish(late))
 

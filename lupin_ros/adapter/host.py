@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
+from lupin_ros.adapter.frames import FramePrefix
+
 
 class TimerHandle(Protocol):
     """A running timer."""
@@ -26,6 +28,7 @@ class Host(Poster, Protocol):
 
     node: Any
     log: Any
+    frames: FramePrefix
 
     def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback` with its exceptions logged."""

@@ -26,7 +26,7 @@ UNKNOWN = "?"
 ACTION = "/_action/"
 _SEND_GOAL = f"{ACTION}send_goal"
 #: What every node has beside its own: parameters, log, diagnostics, type descriptions, life cycle.
-_HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events", DIAGNOSTICS_TOPIC)
+_HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events")
 _HOUSEKEEPING_SERVICES = (
     *("get_type_description", "get_parameter_types", "describe_parameters", "get_parameters"),
     *("list_parameters", "set_parameters", "set_parameters_atomically"),
@@ -58,9 +58,10 @@ class Interface:
     def is_housekeeping(self) -> bool:
         """Whether every node has this interface, whatever its purpose."""
         last = self.name.rpartition("/")[2]
-        if self.kind == "service":
-            return last in _HOUSEKEEPING_SERVICES
-        return self.name in _HOUSEKEEPING_TOPICS or last == "transition_event"
+        every = (
+            _HOUSEKEEPING_SERVICES if self.kind == "service" else (DIAGNOSTICS_TOPIC[1:], "transition_event")
+        )
+        return self.name in _HOUSEKEEPING_TOPICS or last in every
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def other_participants(node: Any) -> int:
 
     Each may have many nodes, whose publishers of log and parameters have ids that begin with its own.
     """
-    known = (e for topic in _HOUSEKEEPING_TOPICS[:2] for e in node.get_publishers_info_by_topic(topic))
+    known = (e for topic in _HOUSEKEEPING_TOPICS for e in node.get_publishers_info_by_topic(topic))
     return len({bytes(endpoint.endpoint_gid[:_PREFIX]) for endpoint in known}) - 1
 
 

@@ -46,13 +46,14 @@ from typing import Any, ClassVar
 
 import rclpy
 from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action import ActionClient, ActionServer
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.exceptions import InvalidHandle, NameValidationException
+from rclpy.exceptions import InvalidHandle, InvalidParameterTypeException, NameValidationException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -61,8 +62,8 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from lupin_engine.errors import Severity, UsageError
-from lupin_engine.plugin import MAX_SECONDS, Code
+from lupin_engine.errors import LupinError, Severity, UsageError
+from lupin_engine.plugin import MAX_SECONDS, Code, CommonName, name_of, robot_namespace
 from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
@@ -74,6 +75,7 @@ from lupin_ros.adapter.actions import (
 from lupin_ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
 from lupin_ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
+from lupin_ros.adapter.frames import FRAME_PREFIX, FramePrefix
 from lupin_ros.adapter.lifecycle import NOT_ACTIVE, ManagedNode
 from lupin_ros.adapter.logs import COUNT_S, NodeLog, guarded
 from lupin_ros.adapter.parameters import Declared, DeclaredParameters
@@ -90,7 +92,7 @@ from lupin_ros.adapter.process import (
     standstill_calls,
 )
 from lupin_ros.adapter.qos import Qos, most_bytes
-from lupin_ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
+from lupin_ros.adapter.vitals import DIAGNOSTICS_TOPIC, REPORT_S, CountedPublisher, Vitals
 
 __all__ = [
     "ActionCaller",
@@ -209,6 +211,9 @@ class RosTimer:
 class RosNode:
     """A node with its own context and executor, all ROS arguments honoured; a context that closes it.
 
+    Every name follows the node's namespace, with and without a slash at its begin, but `COMMON_NAMES` and
+    what is a `CommonName`. The namespace is `__ns` of the ROS arguments, else `LUPIN_ROBOT`.
+
     Everything is called on the thread that spins, except `post` and `stop`. Parameters are declared with
     type, range and documentation; values given on the command line are checked before anything else.
     `parameters` may be a function of the given values, because a mission has its own. A `managed` node has
@@ -236,9 +241,13 @@ class RosNode:
         self._context = RosNode._shared or Context()
         self.node = self._make_node(name, arguments, ManagedNode if managed else Node)
         self.name: str = self.node.get_name()
+        #: '' for the root.
+        self.namespace: str = self.node.get_namespace().rstrip("/")
         #: Where `log` goes.
         self.log_book = NodeLog(self.node)
         self.log = self.log_book.log
+        #: The prefix of the frames in messages; see `frames`.
+        self.frames = FramePrefix("")
         self._executor = Executor(self._context, self.log)
         self._executor.add_node(self.node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -265,9 +274,10 @@ class RosNode:
         self._refused: set[str] = set()
         try:
             self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
+            self.frames = FramePrefix(self._frame_prefix())
             self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
             self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
-            vitals = self._vitals = Vitals(self.node, time.monotonic())
+            vitals = self._vitals = Vitals(self.node, self.full(DIAGNOSTICS_TOPIC), time.monotonic())
             self.steady_timer(REPORT_S, lambda: vitals.report(time.monotonic()))
             self.steady_timer(COUNT_S, self.log_book.flush)
             if isinstance(self.node, ManagedNode):
@@ -277,10 +287,11 @@ class RosNode:
             raise
 
     def _make_node(self, name: str, arguments: Sequence[str], kind: type[Node]) -> Node:
+        namespace = robot_namespace() or None
         try:
             if self._context is not RosNode._shared:
                 begin(self._context, [*arguments, *_enclave_arguments(name, arguments)])
-            node = kind(name, context=self._context)
+            node = kind(name, context=self._context, namespace=namespace)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._end_context()
@@ -316,6 +327,20 @@ class RosNode:
             self.guarded(left)()
 
     # --- parameters -------------------------------------------------------------------------------------
+
+    def _frame_prefix(self) -> str:
+        """Declare the parameter of every node.
+
+        Raises:
+            LupinError: its value is no text.
+        """
+        about = ParameterDescriptor(
+            description="what stands before each frame on the network", read_only=True
+        )
+        try:
+            return str(self.node.declare_parameter(FRAME_PREFIX, "", about).value)
+        except InvalidParameterTypeException as problem:
+            raise LupinError(f"parameter {FRAME_PREFIX!r}: {problem}") from None
 
     def parameters(self) -> dict[str, Any]:
         """Return the current values of the declared parameters as plain data in base units."""
@@ -408,10 +433,29 @@ class RosNode:
 
     # --- topics, services, actions ----------------------------------------------------------------------
 
+    def full(self, name: str) -> str:
+        """Return a name in the node's namespace, before remapping; private ones (`~/`) as they are."""
+        return name_of(self.namespace, name)
+
+    def topic_name(self, name: str) -> str:
+        """Return the name of a topic or action on the network: in the namespace, and remapped."""
+        return CommonName(self.node.resolve_topic_name(self.full(name)))
+
+    def service_name(self, name: str) -> str:
+        """Return the name of a service on the network."""
+        return CommonName(self.node.resolve_service_name(self.full(name)))
+
+    def count_publishers(self, topic: str) -> int:
+        """Return how many publishers a topic has."""
+        return int(self.node.count_publishers(self.full(topic)))
+
     def publisher(self, kind: Any, topic: str, qos: Qos) -> Publisher:
         """Return an object whose `publish(message)` sends to `topic`."""
         profile = qos.profile()
-        publisher = self.node.create_publisher(kind, topic, profile, publisher_class=CountedPublisher)
+        publisher = self.node.create_publisher(
+            kind, self.full(topic), profile, publisher_class=CountedPublisher
+        )
+        publisher.frames = self.frames
         self.watch_channels([f"rt{publisher.topic_name}"])
         return publisher
 
@@ -422,9 +466,13 @@ class RosNode:
 
         One of more than `most` bytes, by default `qos.most_bytes`, is refused and reported.
         """
-        limit, guard = most or most_bytes(kind), self.guarded(callback)
+        topic, limit, guard = self.full(topic), most or most_bytes(kind), self.guarded(callback)
         if limit is None:
-            subscription = self.node.create_subscription(kind, topic, guard, qos.profile())
+
+            def hear(message: Any) -> None:  # rclpy counts the arguments
+                guard(self.frames.incoming(message))
+
+            subscription = self.node.create_subscription(kind, topic, hear, qos.profile())
         else:
             read = self.guarded(partial(self._read, kind, topic, limit, callback))
 
@@ -441,7 +489,7 @@ class RosNode:
             if topic in self._refused:
                 self._refused.discard(topic)
                 self.trouble(topic, "")
-            callback(deserialize_message(data, kind))
+            callback(self.frames.incoming(deserialize_message(data, kind)))
             return
         problem = f"{topic}: messages of more than {limit} bytes are refused"
         self._refused.add(topic)
@@ -463,6 +511,7 @@ class RosNode:
 
         # Without rclpy's own handlers of events, each of which is waited for beside the messages.
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+        topic = self.full(topic)
         return self.node.create_subscription(kind, topic, take, profile, raw=True, event_callbacks=silent)
 
     def serve(
@@ -504,19 +553,20 @@ class RosNode:
 
     def _serve(self, kind: Any, name: str, callback: Callable[..., Any], how: Serving) -> None:
         profile = Qos.SERVICES.profile()
-        service = self.node.create_service(kind, name, self.guarded(callback), qos_profile=profile)
+        guard = self.guarded(callback)
+        service = self.node.create_service(kind, self.full(name), guard, qos_profile=profile)
         self._executor.serve(service, how)
         self.watch_channels(service_channels(service.service_name))
 
     def service(self, kind: Any, name: str) -> ServiceCaller:
         """Return a client of the service `name`."""
-        self.watch_channels(service_channels(self.node.resolve_service_name(name)))
-        return ServiceCaller(self, kind, name)
+        self.watch_channels(service_channels(self.service_name(name)))
+        return ServiceCaller(self, kind, self.full(name))
 
     def action(self, kind: Any, name: str) -> ActionCaller:
         """Return a client of the action `name`."""
-        self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
-        caller = ActionCaller(self, kind, name)
+        self.watch_channels(action_channels(self.topic_name(name)))
+        caller = ActionCaller(self, kind, self.full(name))
         # Missions that are loaded anew make new clients: those that are released are not kept.
         self._callers = [*(other for other in self._callers if not other.released), caller]
         return caller
@@ -531,8 +581,8 @@ class RosNode:
         cancelled: Callable[[ServedGoal], None],
     ) -> ActionHost:
         """Offer the action `name`; see `ActionHost` for the callbacks."""
-        self.watch_channels(action_channels(self.node.resolve_topic_name(name)))
-        host = ActionHost(self, kind, name, admit=admit, started=started, cancelled=cancelled)
+        self.watch_channels(action_channels(self.topic_name(name)))
+        host = ActionHost(self, kind, self.full(name), admit=admit, started=started, cancelled=cancelled)
         self._hosts = [*(other for other in self._hosts if not other.closed), host]
         return host
 

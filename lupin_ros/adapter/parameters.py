@@ -36,6 +36,7 @@ from lupin_engine.plugin import (
     sorted_out,
     without_repetition,
 )
+from lupin_ros.adapter.frames import FRAME_PREFIX
 
 if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
@@ -232,8 +233,8 @@ OnChange = Callable[[Mapping[str, Any]], str | None]
 #: Gets values that ROS has stored.
 Stored = Callable[[Mapping[str, Any]], None]
 
-#: Parameters that ROS itself reads from the command line.
-_ROS_OWN = ("use_sim_time", "start_type_description_service")
+#: Parameters that ROS itself or the adapter reads from the command line.
+_ROS_OWN = ("use_sim_time", "start_type_description_service", FRAME_PREFIX)
 
 
 class DeclaredParameters:

@@ -18,7 +18,7 @@ import threading
 from typing import Any, Protocol
 
 from lupin_engine import __version__
-from lupin_engine.plugin import ros_domain
+from lupin_engine.plugin import robot_namespace, ros_domain
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.adapter.host import Host
 
@@ -40,12 +40,13 @@ class StatusSocket:
     A node whose thread hangs does not answer. Where a socket cannot be opened, the network has to be asked.
     """
 
-    def __init__(self, host: Host, published: StatusSource) -> None:
+    def __init__(self, host: Host, published: StatusSource, robot: str = "") -> None:
+        """`robot` is its namespace."""
         self._host = host
         self._published = published
         self._socket = socket.socket(socket.AF_UNIX)
         try:
-            self._socket.bind(_name())
+            self._socket.bind(_name(robot))
             self._socket.listen()
         except OSError as problem:
             self._socket.close()
@@ -79,15 +80,15 @@ class StatusSocket:
 
 
 def read_status() -> Any:
-    """Return the status of this user's node in this ROS domain and machine; None where none answers.
+    """Return the status of this robot's node of this user, ROS domain and machine; None where none answers.
 
     Raises:
-        UsageError: the environment names no ROS domain that exists.
+        UsageError: the environment names no ROS domain or robot that exists.
     """
     with socket.socket(socket.AF_UNIX) as connection:
         connection.settimeout(PATIENCE_S)
         try:
-            connection.connect(_name())
+            connection.connect(_name(robot_namespace()))
             if not _is_ours(connection):
                 return None
             return json.loads(b"".join(iter(lambda: connection.recv(65536), b"")))
@@ -95,9 +96,9 @@ def read_status() -> Any:
             return None
 
 
-def _name() -> bytes:
-    """Return the name of the socket for this user, engine, ROS domain and network."""
-    network = [ros_domain(), os.environ.get(RANGE) or CLOSED, users_profile()]
+def _name(robot: str = "") -> bytes:
+    """Return the name of the socket for this user, engine, ROS domain, namespace and network."""
+    network = [ros_domain(), robot, os.environ.get(RANGE) or CLOSED, users_profile()]
     deciding = [__version__, os.getuid(), *network, *(os.environ.get(name, "") for name in _DECIDING)]
     return b"\0lupin-status-" + hashlib.sha256(json.dumps(deciding).encode()).hexdigest().encode()
 

@@ -1,4 +1,4 @@
-"""Publishes diagnostics of a node once a second on /diagnostics, as a DiagnosticArray by REP 107.
+"""Publishes diagnostics of a node once a second on /diagnostics of its namespace, by REP 107.
 
 The status of the node, by its full name, has processor time, memory and uptime of the process; the same and
 the free disk of the machine; and the publishing rate of each topic. Each trouble has a status of its own,
@@ -23,6 +23,7 @@ from rclpy.publisher import Publisher
 
 from lupin_engine.errors import Severity
 from lupin_engine.plugin import Code, user_folder
+from lupin_ros.adapter.frames import FramePrefix
 from lupin_ros.adapter.qos import Qos
 
 #: The standard topic of diagnostics.
@@ -45,14 +46,15 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class CountedPublisher(Publisher):
-    """A publisher that counts its messages."""
+    """A publisher that counts its messages, and gives their frames the node's prefix."""
 
     sent = 0
+    frames = FramePrefix("")
 
     def publish(self, msg: Any) -> None:
         """Publish a message."""
         self.sent += 1
-        super().publish(msg)
+        super().publish(self.frames.outgoing(msg))
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,10 @@ class Vitals:
     The publisher is made with the first report: shorter programs have none.
     """
 
-    def __init__(self, node: Node, started: float) -> None:
+    def __init__(self, node: Node, topic: str, started: float) -> None:
         """`started` is when the node was made, of the clock that `report` gets."""
         self._node = node
+        self._topic = topic
         self._started = started
         self._publisher: Publisher | None = None
         self._host = socket.gethostname()
@@ -139,9 +142,7 @@ class Vitals:
 
     def _publish(self, level: bytes, message: str, values: Mapping[str, str]) -> None:
         if self._publisher is None:
-            self._publisher = self._node.create_publisher(
-                DiagnosticArray, DIAGNOSTICS_TOPIC, Qos.EVENT.profile()
-            )
+            self._publisher = self._node.create_publisher(DiagnosticArray, self._topic, Qos.EVENT.profile())
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         name = self._node.get_fully_qualified_name()

@@ -11,6 +11,7 @@ from .description import describe_launch as describe_launch
 from .description import simulators as simulators
 from .environment import close_the_doors as close_the_doors
 from .environment import current_domain as current_domain
+from .environment import current_place as current_place
 from .environment import for_children as for_children
 from .graph import network as network
 from .health import Finding as Finding

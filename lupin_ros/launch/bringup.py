@@ -90,7 +90,8 @@ class BringupSettings:
     that must be started here, each with the option that requires it: a running one would ignore the option.
     `patience` is how long a mission may wait for an operator, in seconds; None is for ever. `respawn`:
     restart nodes that die. `compose`: let nodes share a process; None: where the robot is simulated. With
-    `stays_in_fault` an orchestrator in a fault is left to an operator.
+    `stays_in_fault` an orchestrator in a fault is left to an operator. `frame_prefix` is a parameter of every
+    node.
     """
 
     profile: Profile
@@ -105,6 +106,7 @@ class BringupSettings:
     respawn: bool = True
     compose: bool | None = None
     stays_in_fault: bool = False
+    frame_prefix: str = ""
 
 
 class _OperatorView:
@@ -207,7 +209,8 @@ class Bringup:
     def _start(self, name: str, launches: Sequence[NodeLaunch]) -> None:
         folder = self._settings.folder
         try:
-            self.supervisor.start(name, command(launches, folder))
+            prefix = self._settings.frame_prefix
+            self.supervisor.start(name, command(launches, folder, prefix))
         except OSError as problem:  # the disk is full, or no further process can be started
             reason = problem.strerror
             raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.plugin import Catalog, Plugin
+from lupin_engine.plugin import Catalog, Plugin, name_of, robot_namespace
+from lupin_ros.adapter.frames import FRAME_PREFIX
 from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, is_composable, nodes_of
 
 #: Values of ROS parameters by name.
@@ -24,7 +25,7 @@ COMPOSED = "composed"
 
 @dataclass(frozen=True)
 class PresentEndpoints:
-    """The endpoints on the network: node names without namespace, full names of services and actions."""
+    """The endpoints of a robot on the network: nodes, services and actions without its namespace."""
 
     nodes: frozenset[str] = frozenset()
     services: frozenset[str] = frozenset()
@@ -158,15 +159,18 @@ def _owner(node: LaunchableNode, catalog: Catalog) -> Plugin:
     return catalog.plugins.get(node.plugin) or Plugin("engine", "What the engine itself starts.")
 
 
-def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+def command(launches: Sequence[NodeLaunch], folder: Path, frame_prefix: str = "") -> list[str]:
     """Return the command line of the process of these nodes; parameters are written to files in `folder`."""
     line = [sys.executable, "-m", "lupin_cli.main", "node", *(launch.node.name for launch in launches)]
     files: list[str] = []
     for launch in launches:
         if launch.parameters:
             file = folder / f"{launch.node.name}.yaml"
-            file.write_text(parameter_file(launch.node.name, launch.parameters), encoding="utf-8")
+            name = name_of(robot_namespace(), launch.node.name)
+            file.write_text(parameter_file(name, launch.parameters), encoding="utf-8")
             files += ["--params-file", str(file)]
+    if frame_prefix:
+        files += ["-p", f"{FRAME_PREFIX}:={json.dumps(frame_prefix)}"]
     return [*line, *(["--ros-args", *files] if files else [])]
 
 

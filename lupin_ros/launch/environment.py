@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.plugin import DOMAIN, ros_domain
+from lupin_engine.plugin import DOMAIN, robot_namespace, ros_domain
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 
@@ -30,6 +30,8 @@ def close_the_doors(domain: int | None = None) -> None:
         ros_domain()
     advice = {RANGE: range_advice(), PEERS: peers_advice()}
     problems.add(*(f"{name} is {os.environ[name]!r}: {text}" for name, text in advice.items() if text))
+    with problems.collecting():
+        robot_namespace()
     problems.raise_any()
 
 
@@ -65,6 +67,12 @@ def open_to() -> str:
 def current_domain() -> int:
     """Return the ROS domain of this process; UsageError where its environment names none that exists."""
     return ros_domain()
+
+
+def current_place() -> str:
+    """Return the ROS domain of this process, with the namespace of its robot, for people."""
+    robot = robot_namespace()
+    return f"ROS domain {current_domain()}{robot and f', robot {robot}'}"
 
 
 def is_local_only() -> bool:

@@ -43,9 +43,9 @@ from lupin_engine.plugin import (
 )
 from lupin_engine.sim import SUFFIX, Missions, load_scenario
 from lupin_ros.adapter import environment
+from lupin_ros.adapter.dds.ports import exposed
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.interfaces.type_hashes import local_hash
-from lupin_ros.launch.dds_discovery import exposed
 from lupin_ros.launch.environment import (
     PEERS,
     open_to,

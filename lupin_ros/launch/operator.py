@@ -141,7 +141,7 @@ class Commander:
 
     def is_published(self, topic: str) -> bool:
         """Return whether a node publishes a topic."""
-        return bool(self._ros.node.count_publishers(topic))
+        return bool(self._ros.count_publishers(topic))
 
     def close(self) -> None:
         """Destroy the node; no call is possible any more."""
@@ -247,30 +247,36 @@ class Operator(Commander):
     # -- the network ------------------------------------------------------------------------------------
 
     def nodes(self) -> frozenset[str]:
-        """Return the names, without namespace, of all nodes but this one."""
-        found = self._ros.node.get_node_names_and_namespaces()
-        return frozenset(name for name, _ in found if name != self._ros.name)
+        """Return the names of this robot's nodes but this one."""
+        return frozenset(name for name in self._robots_nodes() if name != self._ros.name)
 
     def strangers(self) -> int:
         """Return how many participants are known but this one."""
         return other_participants(self._ros.node)
 
     def count(self, name: str) -> int:
-        """Return how many nodes have that name, namespaces aside."""
-        return sum(1 for found, _ in self._ros.node.get_node_names_and_namespaces() if found == name)
+        """Return how many nodes of this robot have that name."""
+        return self._robots_nodes().count(name)
+
+    def _robots_nodes(self) -> list[str]:
+        """Return the names of all nodes of the namespace; in the root of those in none."""
+        here = self._ros.namespace or "/"
+        return [name for name, space in self._ros.node.get_node_names_and_namespaces() if space == here]
 
     def services(self) -> frozenset[str]:
-        """Return the full names of all services that a node serves."""
+        """Return the names, without this robot's namespace, of its services that a node serves."""
         return self._served("service")
 
     def actions(self) -> frozenset[str]:
-        """Return the full names of all actions that a node serves."""
+        """Return the names, without this robot's namespace, of its actions that a node serves."""
         return self._served("action")
 
     def _served(self, kind: Kind) -> frozenset[str]:
         node = self._ros.node
         found = interfaces(node, without=[node.get_fully_qualified_name()])
-        return frozenset(i.name for i in found if i.kind == kind and i.producers)
+        served = (i.name for i in found if i.kind == kind and i.producers)
+        here = self._ros.namespace
+        return frozenset(name[len(here) :] for name in served if name.startswith(f"{here}/"))
 
     # -- requests ---------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from types import MappingProxyType
 from xml.etree import ElementTree as Xml
 
-from lupin_engine.plugin import Access
+from lupin_engine.plugin import Access, name_of
 from lupin_ros.adapter.network import ACTION, Interface
 from lupin_ros.adapter.node import OPERATOR_ENCLAVE, enclave_of
 from lupin_ros.service.names import DIAGNOSTICS_TOPIC
@@ -65,7 +65,11 @@ _TOPIC_RULE = (
 
 
 def policy(
-    declared: Iterable[Interface], nodes: Iterable[str], pages: Mapping[str, Access], asked: Iterable[str]
+    declared: Iterable[Interface],
+    nodes: Iterable[str],
+    pages: Mapping[str, Access],
+    asked: Iterable[str],
+    robot: str = "",
 ) -> str:
     """Return the policy.xml of nodes, with comments about permissions that are not always used.
 
@@ -74,21 +78,24 @@ def policy(
         nodes: their full names.
         pages: the additional permissions of nodes that serve pages.
         asked: the services that the verbs of people call.
+        robot: the namespace of all of them.
     """
     known = list(declared)
-    allowed: dict[str, _Granted] = {node: {**_EVERY} for node in nodes}
+    every = {(kind, may, name_of(robot, name)): why for (kind, may, name), why in _EVERY.items()}
+    allowed: dict[str, _Granted] = {node: {**every} for node in nodes}
     for one in known:
         for ends, may in zip((one.producers, one.consumers), _MAY[one.kind], strict=True):
             for node in allowed.keys() & ends:
                 allowed[node][one.kind, may, one.name] = ""
     for node in allowed.keys() & pages.keys():
         allowed[node] = {**_of_pages(pages[node], known), **_EVERY_PAGE, **_without_reading(allowed[node])}
-    allowed["/lupin_operator"] = _of_operators(known, asked)
+    people = f"{robot}/lupin_operator"
+    allowed[people] = _of_operators(known, asked, robot)
     root = Xml.Element("policy", version=_VERSION)
     enclaves = Xml.SubElement(root, "enclaves")
     for node in sorted(allowed):
         namespace, _, name = node.rpartition("/")
-        path = OPERATOR_ENCLAVE if node == "/lupin_operator" else enclave_of(name)
+        path = OPERATOR_ENCLAVE if node == people else enclave_of(name)
         profiles = Xml.SubElement(Xml.SubElement(enclaves, "enclave", path=path), "profiles")
         profile = Xml.SubElement(profiles, "profile", ns=namespace or "/", node=name)
         _fill(profile, _without_parts(allowed[node]))
@@ -138,12 +145,12 @@ def _without_reading(granted: _Granted) -> _Granted:
     return {one: reason for one, reason in granted.items() if one[:2] != ("topic", "subscribe")}
 
 
-def _of_operators(known: Iterable[Interface], asked: Iterable[str]) -> _Granted:
+def _of_operators(known: Iterable[Interface], asked: Iterable[str], robot: str) -> _Granted:
     """Return the permissions of people's verbs: subscribe to all, call the orchestrator, be a node."""
     own = [one for one in known if one.is_housekeeping]
     services = {one.name.rpartition("/")[2] for one in own if one.kind == "service"}
     granted = [("topic", "publish", one.name) for one in own if one.kind == "topic"]
-    granted += [("service", "reply", f"{node}/{service}") for node in _VERBS for service in services]
+    granted += [("service", "reply", f"{robot}{node}/{service}") for node in _VERBS for service in services]
     granted += [("service", "request", name) for name in asked]
     return dict.fromkeys([("topic", "subscribe", "/*"), *granted], _BY_VERBS)
 

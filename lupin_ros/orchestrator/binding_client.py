@@ -77,7 +77,7 @@ class _BindingContext:
 
     def missing_server(self, endpoint: Endpoint, said: str) -> str:
         """Return why a server is missing, with a peer's other type or QoS where the graph shows one."""
-        name = self.ros.node.resolve_service_name(endpoint.name)
+        name = self.ros.service_name(endpoint.name)
         others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
         return "; ".join([said, *sorted(others)[:1]])
 
@@ -85,7 +85,7 @@ class _BindingContext:
         """Return whether a server that is declared to watch this node does not subscribe to its lifeline."""
         if not (call.watched and self.ros.lifeline):
             return False
-        name = self.ros.node.resolve_service_name(call.endpoint.name)
+        name = self.ros.service_name(call.endpoint.name)
         server = f"{name}/_action/send_goal" if call.endpoint.kind == "action" else name
         return not is_listened_to(self.ros, self.ros.lifeline, server)
 

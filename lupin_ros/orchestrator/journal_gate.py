@@ -83,7 +83,7 @@ class JournalGate:
         self.required = bool(given["journal_required"] and not given["may_repeat_outcomes"])
         if not given["journal_required"]:
             ros.log.warning("journal_required", problem="false is written may_repeat_outcomes:=true now")
-        self.folder = journal_folder(str(given["journal_path"] or ""))
+        self.folder = journal_folder(str(given["journal_path"] or ""), robot=ros.namespace)
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
         self.journal = Journal(self.folder, keep, self)

@@ -103,7 +103,7 @@ class Orchestrator:
         ros.steady_timer(LOOK_PERIOD_S, self._check)
         watch_for_older_instance(ros, records.boot, self._stand_down)
         ros.on_inactive(self._hold)
-        for part in (runs, clients, missions, gate, StatusSocket(ros, records)):
+        for part in (runs, clients, missions, gate, StatusSocket(ros, records, ros.namespace)):
             ros.on_stop(part.close)
 
     def _begin(self, recovery: Recovery | None, lost: str) -> None:
@@ -224,7 +224,7 @@ def main(arguments: Sequence[str] = ()) -> int:
     """Run the node until SIGINT or SIGTERM; `arguments` are ROS arguments.
 
     Raises:
-        LupinError: the domain has an orchestrator already, or something is wrong with the missions.
+        LupinError: the robot has an orchestrator already, or something is wrong with the missions.
     """
     catalog = load_catalog()
     loaded: list[tuple[LoadedMissions, MissionsFolder]] = []
@@ -235,19 +235,21 @@ def main(arguments: Sequence[str] = ()) -> int:
         return {**OWN_PARAMETERS, **loaded[-1][0].chart.parameters}
 
     ros = RosNode(NODE, arguments, declared, managed=True)
+    where = ros.namespace and f"robot {ros.namespace} in "
+    where += "this ROS domain"
     with signals_call(ros.stop):  # from here on, and not only while it spins
         other = other_orchestrator(ros, messages.wire_of(loaded[-1][0].chart.profile))
         if other:
             ros.leave()
             raise LupinError(
-                f"{ros.name} stands down: {other} is the orchestrator of this ROS domain already; "
+                f"{ros.name} stands down: {other} is the orchestrator of {where} already; "
                 "stop that one, or start this one with another ROS_DOMAIN_ID"
             )
         orchestrator = Orchestrator(ros, *loaded[-1])
         ros.spin()
     if orchestrator.older_boot:
         raise LupinError(
-            f"{ros.name} stands down: another orchestrator of this ROS domain began before it "
+            f"{ros.name} stands down: another orchestrator of {where} began before it "
             f"(boot {orchestrator.older_boot}); stop that one, or start this one with another ROS_DOMAIN_ID"
         )
     return 0

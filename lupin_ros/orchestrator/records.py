@@ -61,7 +61,7 @@ class RecordPublisher:
         self.is_news = StepNews().is_news
 
     def _open_log(self, given: Mapping[str, Any]) -> None:
-        folder = domain_folder("log", str(given["log_path"] or ""))
+        folder = domain_folder("log", str(given["log_path"] or ""), robot=self._ros.namespace)
         self._ros.log_book.about = {"boot": self.boot}
         try:
             self._ros.log_book.write_to(folder / f"{NODE}.jsonl", given["log_bytes"], given["log_files"])

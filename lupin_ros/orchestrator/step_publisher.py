@@ -36,7 +36,7 @@ class StepPublisher:
         self._gate = gate
         self._records = records
         self._state = _Publisher(ros, wire.state)
-        ros.lifeline = ros.node.resolve_topic_name(wire.state.name)
+        ros.lifeline = ros.topic_name(wire.state.name)
         self._messages = StateMessages(wire, _Now(ros, clock, loop))
         self.outcomes = OutcomePublisher(ros, wire, self._messages)
         #: Takes each step with the view after it, for who runs the mission.

@@ -34,14 +34,15 @@ class RecordedMessage:
 
 
 class Recording:
-    """A recorded file.
+    """A recorded file; names in the namespace `robot` are read without it.
 
     Raises:
         UsageError: it cannot be read, is no recording, or has no message.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, robot: str = "") -> None:
         self.path = path
+        self._space = f"{robot}/"
         #: The topics that can be read, each with its type, and why others cannot be.
         self.topics: dict[str, str] = {}
         self.unreadable: dict[str, str] = {}
@@ -60,8 +61,9 @@ class Recording:
         channels: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):
-                if record.topic in self.topics and (not topics or record.topic in topics):
-                    channels[record.id] = record.topic
+                topic = self._own(record.topic)
+                if topic in self.topics and (not topics or topic in topics):
+                    channels[record.id] = topic
             elif isinstance(record, Message) and record.channel_id in channels and record.log_time > since:
                 topic = channels[record.channel_id]
                 with contextlib.suppress(Exception):  # bytes of another type than the file says
@@ -122,21 +124,23 @@ class Recording:
                 self.begin = min(self.begin or record.log_time, record.log_time)
                 self.end = max(self.end, record.log_time)
 
+    def _own(self, topic: str) -> str:
+        return f"/{topic[len(self._space) :]}" if topic.startswith(self._space) else topic
+
     def _add(self, channel: Channel, schema: Schema | None) -> None:
+        topic = self._own(channel.topic)
         if channel.message_encoding != _CDR or schema is None or schema.encoding != _ROS2:
             encoding = schema.encoding if schema is not None else "no definition"
-            self.unreadable[channel.topic] = (
-                f"{channel.message_encoding} with {encoding}, not {_CDR} with {_ROS2}"
-            )
+            self.unreadable[topic] = f"{channel.message_encoding} with {encoding}, not {_CDR} with {_ROS2}"
             return
         try:
             decoder = DecoderFactory().decoder_for(channel.message_encoding, schema)
         except Exception as problem:  # of a parser by others, about a definition by others
-            self.unreadable[channel.topic] = f"its definition cannot be read: {problem}"
+            self.unreadable[topic] = f"its definition cannot be read: {problem}"
             return
         if decoder is not None:
-            self.topics[channel.topic] = schema.name
-            self._decoders[channel.topic] = decoder
+            self.topics[topic] = schema.name
+            self._decoders[topic] = decoder
 
 
 def plain(value: Any) -> Any:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.plugin import Profile, Wire
+from lupin_engine.plugin import COMMON_NAMES, CommonName, Profile, Wire
 from lupin_engine.runtime import journal_files, journal_folder
 from lupin_ros.adapter.network import node_name
 from lupin_ros.adapter.node import Qos, RosNode
@@ -190,8 +190,9 @@ class TopicRecorder:
                 self._listen(topic)
 
     def _is_unwanted(self, name: str) -> bool:
-        """Return whether a topic is hidden, as those of actions are, or excluded by the user."""
-        return "/_" in name or (self._without is not None and bool(self._without.search(name)))
+        """Return whether a topic is hidden, as those of actions are, of another robot, or excluded."""
+        of_ours = name in COMMON_NAMES or name.startswith(f"{self._ros.namespace}/")
+        return not of_ours or "/_" in name or (self._without is not None and bool(self._without.search(name)))
 
     def _begin(self, name: str, types: Sequence[str], ends: Sequence[Any], wanted: Any) -> _Topic:
         if len(types) > 1:
@@ -215,7 +216,7 @@ class TopicRecorder:
         if topic.subscription is not None:
             self._ros.node.destroy_subscription(topic.subscription)
         take = partial(self._take, topic.channel)
-        topic.subscription = self._ros.subscribe_raw(topic.kind, topic.name, topic.profile, take)
+        topic.subscription = self._ros.subscribe_raw(topic.kind, CommonName(topic.name), topic.profile, take)
 
     def _take(self, channel: Any, data: bytes, times: Any) -> None:
         heard = times["received_timestamp"] or time.time_ns()

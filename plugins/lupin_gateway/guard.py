@@ -10,9 +10,9 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypedDict
 
-from lupin_engine.plugin import Access
+from lupin_engine.plugin import Access, Progress
 from lupin_gateway import protocol
 from lupin_gateway.access import (
     STOP_TOPIC,
@@ -72,6 +72,22 @@ class RuleOutputs:
     halt: Callable[[], None] = lambda: None
 
 
+class RobotRecord(TypedDict):
+    """What a robot does, for a list of them: the mission's state, what stops it, and its open questions.
+
+    `stops` are names of pages, and sources of other stops. Not `heard`: its orchestrator is silent.
+    """
+
+    robot: str
+    heard: bool
+    lifecycle: str
+    mission: str
+    target: str
+    paused: bool
+    stops: list[str]
+    questions: list[str]
+
+
 @dataclass(frozen=True)
 class ClockPair:
     """A steady clock and the wall clock (UNIX), in seconds."""
@@ -98,6 +114,8 @@ class GatewayRules:
         self.clocks = clocks
         self.people = People()
         self.motion = MotionGate()
+        #: The mission's state that was published last.
+        self.progress = Progress()
         self._base = ""
         #: Links by which people log in; None: there are none.
         self.invitations: Invitations | None = None
@@ -190,6 +208,22 @@ class GatewayRules:
         if state != self._base:
             self._base = state
             self._outputs.publish_base(state)
+
+    def summary(self, robot: str) -> RobotRecord:
+        """Return what the robot does, what stops it, and what it asks, for a list of robots."""
+        now, mission = self.clocks.steady(), self.progress
+        pages = [stop["name"] for stop in self.stops.state(now)["stops"]]
+        others = [source for source in self.motion.state()["stops"] if not (source == "pages" and pages)]
+        return {
+            "robot": robot,
+            "heard": not self.motion.is_silent(now),
+            "lifecycle": mission.lifecycle,
+            "mission": mission.mission,
+            "target": mission.target,
+            "paused": mission.paused,
+            "stops": [*pages, *others],
+            "questions": list(self.people.steps.asked.values()),
+        }
 
     def give_back_base(self, page: str) -> None:
         """Take the base from a page and end its motion; does nothing where that page has not taken it."""

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from http import HTTPStatus
 from pathlib import Path
+from typing import Protocol
 
 import uvicorn
 from starlette.applications import Starlette
@@ -170,6 +171,10 @@ class Gateway:
         history: HistoryPort,
     ) -> None:
         """`tls` are the files of the server's certificate, by uvicorn's names; none: nothing is encrypted."""
+        #: Its robot, by the namespace; '' for the root.
+        self.robot = ""
+        #: All gateways of the server, by the names of their robots.
+        self.siblings: Mapping[str, Gateway] = {"": self}
         self.rules = rules
         self.tls = tls
         self.history = history
@@ -188,6 +193,7 @@ class Gateway:
             WebSocketRoute("/", self._connect),
             Route("/status", self._status),
             Route("/history", self._history),
+            Route("/robots", self._robots),
             Mount("/", _ConsoleFiles()),
         ]
         return self._watched(AuthMiddleware(Starlette(routes=routes), self.rules, self.gate))
@@ -203,7 +209,30 @@ class Gateway:
     async def _status(self, request: Request) -> JSONResponse:
         visitor = self.rules.access.admit(request.headers, self.rules.clocks.wall())
         state = {"clients": len(self._clients), "topics": self._hub.topics(), **self._ros.about()}
-        return JSONResponse({**state, "name": visitor.name, "role": visitor.role.word})
+        who = {"name": visitor.name, "role": visitor.role.word}
+        robots = {"robot": self.robot, "robots": list(self.siblings)} if self.robot else {}
+        return JSONResponse({**state, **who, **robots})
+
+    async def _robots(self, request: Request) -> JSONResponse:
+        """Answer with a `RobotRecord` of each robot that the visitor is let in to."""
+        found = []
+        for name, gateway in self.siblings.items():
+            with contextlib.suppress(NotAdmitted):
+                gateway.rules.access.admit(request.headers, gateway.rules.clocks.wall())
+                found.append(gateway.rules.summary(name))
+        return JSONResponse(found)
+
+    def warn(self, text: str) -> None:
+        """Log what is wrong for a while."""
+        self.rules.warn(text)
+
+    def start(self) -> None:
+        """Begin to work; on the event loop."""
+        self.history.start()
+
+    def tick(self) -> None:
+        """Publish the stop; to be called `PUBLISH_HZ` times a second."""
+        self.rules.tick()
 
     async def _history(self, request: Request) -> Response:
         visitor = self.rules.access.admit(request.headers, self.rules.clocks.wall())
@@ -322,7 +351,32 @@ async def _send_away(socket_: WebSocket, code: int, reason: str) -> None:
         await asyncio.wait_for(socket_.close(code, reason), 1.0)
 
 
-async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asyncio.Future[None]) -> None:
+class RobotServer(Protocol):
+    """The gateway of a robot, or those of several."""
+
+    gate: Gate
+    tls: Mapping[str, str]
+
+    def warn(self, text: str) -> None:
+        """Log what is wrong for a while."""
+
+    def application(self) -> ASGIApp:
+        """Return the ASGI application of the first port."""
+
+    def protocol_only(self) -> ASGIApp:
+        """Return the ASGI application of the second port."""
+
+    def start(self) -> None:
+        """Begin to work."""
+
+    def tick(self) -> None:
+        """Work, `PUBLISH_HZ` times a second."""
+
+    def look(self) -> None:
+        """End connections that are to end, every `LOOK_S`."""
+
+
+async def serve(gateway: RobotServer, sockets: Sequence[GateListener], until: asyncio.Future[None]) -> None:
     """Serve on the sockets (the first one with files) until the future is done, then close all connections.
 
     Raises:
@@ -336,8 +390,8 @@ async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asynci
         asyncio.ensure_future(server.serve(sockets=[each]))
         for server, each in zip(servers, sockets, strict=True)
     ]
-    gateway.history.start()
-    ticking = asyncio.ensure_future(_tick_steadily(gateway.rules))
+    gateway.start()
+    ticking = asyncio.ensure_future(_tick_steadily(gateway))
     looking = asyncio.ensure_future(_look_steadily(gateway))
     ended, _ = await asyncio.wait({until, ticking, looking, *running}, return_when=asyncio.FIRST_COMPLETED)
     ticking.cancel()
@@ -350,20 +404,20 @@ async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asynci
         raise RuntimeError("a part of the gateway ended by itself") from causes[0]
 
 
-async def _tick_steadily(rules: GatewayRules) -> None:
+async def _tick_steadily(gateway: RobotServer) -> None:
     while True:
         with _logging_defects():
-            rules.tick()
+            gateway.tick()
         await asyncio.sleep(1.0 / PUBLISH_HZ)
 
 
-async def _look_steadily(gateway: Gateway) -> None:
+async def _look_steadily(gateway: RobotServer) -> None:
     report_at = 0.0
     while True:
         with _logging_defects():
             gateway.look()
             if time.monotonic() >= report_at and (report := gateway.gate.report()):
-                gateway.rules.warn(report)
+                gateway.warn(report)
                 report_at = time.monotonic() + REPORT_S
         await asyncio.sleep(LOOK_S)
 

@@ -78,7 +78,7 @@ class NavClient:
             self._server, _outcome, _feedback_text, "nav_rejected", "nav_unavailable", refused=REFUSES
         )
         self._standstill = MovementWatch()
-        self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
+        self._pose_topic = ros.topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         self._charges = Charges(
             BATTERY_LOOKS if parameters["battery_timeout_s"] else 0, parameters["silent_battery_is_empty"]
@@ -93,7 +93,7 @@ class NavClient:
             ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
         )
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
-        self._map_topic = ros.node.resolve_topic_name(parameters["map_topic"])
+        self._map_topic = ros.topic_name(parameters["map_topic"])
         resolved = {"map_topic": self._map_topic, "amcl_pose_topic": self._pose_topic}
         self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place, ros.elapsed)
         self._explores = False
@@ -188,7 +188,7 @@ class NavClient:
         Age does not show it: a localizer is silent while the robot stands.
         """
         must_live = self._parameters["amcl_pose_must_live"]
-        return not must_live or self._ros.node.count_publishers(self._pose_topic) > 0
+        return not must_live or self._ros.count_publishers(self._pose_topic) > 0
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         if not self._is_in_map(message.header.frame_id, self._pose_topic):

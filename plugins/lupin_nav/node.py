@@ -96,7 +96,7 @@ class NavWatchdog:
 
     def _on_silent_gateway(self, reason: str) -> None:
         """Cancel its pages' goals, unless a mission drives or the gateway ended in order."""
-        if self._ros.node.count_publishers(PAGES_TOPIC) and not self._mission_drives:
+        if self._ros.count_publishers(PAGES_TOPIC) and not self._mission_drives:
             self._end_goals(reason)
 
     def _on_stop(self, state: StopState) -> None:

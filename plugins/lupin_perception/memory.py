@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.plugin import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin import state_key, user_folder, write_atomically
 from lupin_greenhouse import pose_of
 from lupin_perception.anomalies import Point
 from lupin_perception.flowers import ColumnBloom, ScanSummary
@@ -75,17 +75,18 @@ class MissionFile:
             ) from error
 
 
-def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
-    """Return the path of the file: the given one, else one for each ROS domain in the user's state folder.
+def memory_path(given: str, environment: Mapping[str, str], robot: str | None = None) -> Path | None:
+    """Return the path of the file: the given one, else that of a robot of a domain in the state folder.
 
-    None where `NOWHERE` is given: nothing is kept. UsageError where the user has no home folder.
+    `robot` is its namespace, by default the environment's. None where `NOWHERE` is given: nothing is kept.
+    UsageError where the user has no home folder.
     """
     if given == NOWHERE:
         return None
     if given:
         return Path(os.path.expanduser(given))
     folder = user_folder("XDG_STATE_HOME", ".local/state", environment)
-    return folder / f"perception-{ros_domain(environment)}.json"
+    return folder / f"perception-{state_key(None, robot, environment)}.json"
 
 
 def _data(past: Past) -> dict[str, Any]:

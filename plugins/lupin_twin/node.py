@@ -80,7 +80,7 @@ class TwinNode:
         self._message = TwinState(header=Header(frame_id=self._frame))
         self._published_revision = 0
         self._complaints: dict[str, float] = {}
-        self._store = Store(store_path(values["store_file"]))
+        self._store = Store(store_path(values["store_file"], robot=ros.namespace))
         self._store_fails = False
         self._new_map: OccupancyMap | None = None
         self._map_kept = -math.inf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,8 @@ from lupin_engine.missions.load import load_files
 from lupin_engine.plugin import PageMessage
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import Script
-from lupin_gateway.guard import STOPS_TOPIC
+from lupin_gateway.access import AccessControl, AllowList
+from lupin_gateway.guard import STOPS_TOPIC, ClockPair, GatewayRules, RuleOutputs
 from lupin_gateway.motion import BASE_TOPIC, MotionGate
 from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.stop import StopArbiter
@@ -74,6 +76,7 @@ KINDS = {
     BASE_TOPIC: "BaseRecord",
     PEOPLE_TOPIC: "PeopleRecord",
     NOTIFICATIONS_TOPIC: "NotificationsRecord",
+    "/robots": "RobotRecord",
 }
 INTERFACES = {kind.__name__: members for kind, members in records.interfaces().items()}
 OPEN = {kind.__name__ for kind, written in records.WRITTEN.items() if written.others}
@@ -135,6 +138,10 @@ def gateway() -> Iterator[tuple[str, Any]]:
     yield from told
     yield STOPS_TOPIC, json.loads(json.dumps(stops.state(1.0)))
     yield BASE_TOPIC, json.loads(json.dumps(motion.state()))
+    outputs = RuleOutputs(*(lambda _: None,) * 4)
+    access = AccessControl(), AllowList(())
+    rules = GatewayRules(*access, stops, None, ClockPair(time.monotonic, time.time), outputs)
+    yield "/robots", json.loads(json.dumps(rules.summary("robot1")))
 
 
 class Checker:

@@ -188,6 +188,15 @@ class FakeRos:
         self.subscriptions[topic] = callback
         self.profiles[topic] = qos
 
+    def full(self, name: str) -> str:
+        return name
+
+    def topic_name(self, name: str) -> str:
+        return str(self.node.resolve_topic_name(name))
+
+    def count_publishers(self, topic: str) -> int:
+        return int(self.node.count_publishers(topic))
+
     def action(self, kind: Any, name: str) -> FakeAction:
         return self.server
 

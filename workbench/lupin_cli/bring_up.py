@@ -44,6 +44,7 @@ class GivenOptions:
     hmi: bool = False
     opened: bool = False
     domain: int | None = None
+    frame_prefix: str = ""
     log_dir: Path | None = None
 
 
@@ -112,6 +113,7 @@ class CheckedOptions:
             patience=patience,
             respawn=not self._wanted.no_respawn,
             compose=self._wanted.compose,
+            frame_prefix=self._wanted.frame_prefix,
         )
 
     def _look_at_the_surroundings(self) -> None:

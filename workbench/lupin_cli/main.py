@@ -168,8 +168,9 @@ def _points_of_plugins() -> Mapping[str, Sequence[EntryPoint]]:
 
 
 def _author(arguments: Sequence[str] | None) -> str:
-    """Return who brings the verb that failed; the group itself has no option that takes a value."""
+    """Return who brings the verb that failed."""
     given = sys.argv[1:] if arguments is None else arguments
+    given = given[2:] if given[:1] == ["--robot"] else given
     verb, name, *_ = [*(word for word in given if not word.startswith("-")), "", ""]
     points = _points_of_plugins().get(verb)
     if points:
@@ -191,8 +192,13 @@ def _author_of_node(name: str) -> str:
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="lupin")
-def lupin() -> None:
+@click.option("--robot", metavar="NAMESPACE", help="The same option of each verb that talks to a robot.")
+def lupin(robot: str | None) -> None:
     """Robot missions as YAML statecharts: check, simulate, draw, run over ROS 2."""
+    if robot is not None:
+        from lupin_engine.plugin import ROBOT, read_robot
+
+        os.environ[ROBOT] = read_robot(robot)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

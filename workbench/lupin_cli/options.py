@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -9,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from lupin_cli.exit_codes import not_done
-from lupin_engine.plugin import RequestField, load_profiles, read_domain
+from lupin_engine.plugin import ROBOT, RequestField, load_profiles, read_domain, read_robot
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -132,13 +133,35 @@ opened = click.option(
 )
 #: The file that `lupin learn` writes and `lupin expect` reads when no other is named.
 LEARNED = Path("learned.yaml")
-domain = click.option(
+
+
+def _take_robot(_: click.Context, __: click.Parameter, text: str | None) -> None:
+    """Set the robot of this process and its children, as its environment variable does."""
+    if text is not None:
+        os.environ[ROBOT] = read_robot(text)
+
+
+robot = click.option(
+    "--robot",
+    metavar="NAMESPACE",
+    expose_value=False,
+    callback=_take_robot,
+    help="ROS namespace of the robot's names, such as robot2; default: LUPIN_ROBOT, else none.",
+)
+_domain = click.option(
     "--domain", type=read_domain, metavar="NUMBER", help="ROS domain; default: ROS_DOMAIN_ID, else 0."
 )
+
+
+def domain(command: _F) -> _F:
+    """Add the options that say which robot's nodes are meant."""
+    return _domain(robot(command))
+
+
 journal = click.option(
     "--journal",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of the journal; default: that of the ROS domain, in the user's state folder.",
+    help="Folder of the journal; default: that of ROS domain and robot, in the user's state folder.",
 )
 field = click.option(
     "--field",
@@ -147,6 +170,9 @@ field = click.option(
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Folder of a robot's journal, to compare with what has happened there; may be given again.",
 )
+frame_prefix = click.option(
+    "--frame-prefix", default="", help="What stands before the frames of every node, such as robot2/."
+)
 log_dir = click.option(
     "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
 )
@@ -154,6 +180,7 @@ log_dir = click.option(
 
 def bring_up(command: _F) -> _F:
     """Add the options of verbs that bring up nodes, in this order."""
-    for option in reversed((settings, speed, sim, no_sim, no_respawn, compose, hmi, opened, domain, log_dir)):
+    network = (domain, frame_prefix, log_dir)
+    for option in reversed((settings, speed, sim, no_sim, no_respawn, compose, hmi, opened, *network)):
         command = option(command)
     return command

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lupin_cli.run_folders import writable
 from lupin_engine.errors import Severity, UsageError
+from lupin_engine.plugin import robot_namespace
 
 if TYPE_CHECKING:
     from lupin_ros.recording import Recording, TopicRecorder
@@ -38,7 +39,7 @@ def open_recording(path: Path) -> Recording:
         raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
     from lupin_ros.recording import Recording
 
-    return Recording(path)
+    return Recording(path, robot_namespace())
 
 
 def amount(recorder: TopicRecorder) -> str:

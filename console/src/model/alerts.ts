@@ -1,7 +1,7 @@
 // What everybody is to see at once, whatever they look at: a stop, a failed mission, a question. Also in the title.
 import { computed, effect } from "@preact/signals";
 import { isFault, missions, state, steps } from "./mission/mission";
-import { mode, texts } from "./page";
+import { gateway, mode, texts } from "./page";
 import { base, stops } from "./story/log";
 import { moment } from "./time/past";
 
@@ -45,7 +45,8 @@ export function startAlerts(): void {
   let before: ReadonlySet<string> = new Set();
   effect(() => {
     const now = alerts.value;
-    document.title = [...now.map(({ text }) => text), texts.value.shell.title].join(" · ");
+    const robot = gateway.value?.robot ? [gateway.value.robot] : [];
+    document.title = [...robot, ...now.map(({ text }) => text), texts.value.shell.title].join(" · ");
     // The words of a stop and of a fault may change while it lasts: the label of a code comes with the missions.
     const kinds = new Set(now.map(({ kind, text }) => (kind === "question" ? text : kind)));
     const isNew = [...kinds].some((each) => !before.has(each));

@@ -24,6 +24,9 @@ export interface GatewayStatus {
   /** Who this page is for the gateway, and what it may do. */
   readonly name?: string;
   readonly role?: "viewer" | "operator" | "engineer";
+  /** Which robot this page is of, and all that this gateway has; a single robot may have no name. */
+  readonly robot?: string;
+  readonly robots?: readonly string[];
 }
 
 export const gateway = signal<GatewayStatus | undefined>(undefined);
@@ -65,6 +68,9 @@ export function startPage(): void {
   });
   mode.subscribe((now) => {
     document.documentElement.dataset["mode"] = now;
+  });
+  gateway.subscribe((now) => {
+    if (now?.robot) document.documentElement.dataset["robot"] = now.robot;
   });
   const lookAtStop = (): void => void (stopLinked.value = stopBox.dataset["state"] !== "away");
   new MutationObserver(lookAtStop).observe(stopBox, { attributeFilter: ["data-state"] });

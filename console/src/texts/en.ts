@@ -19,6 +19,8 @@ export const en = {
     now: "Now",
     noState: "no mission state yet",
     paused: "paused",
+    robots: "Robots",
+    notHeard: "not heard",
     broken: "This view cannot be shown:",
   },
   alerts: {

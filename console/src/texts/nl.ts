@@ -21,6 +21,8 @@ export const nl: Texts = {
     now: "Nu",
     noState: "nog geen toestand van de missie",
     paused: "gepauzeerd",
+    robots: "Robots",
+    notHeard: "niet te horen",
     broken: "Deze weergave kan niet worden getoond:",
   },
   alerts: {

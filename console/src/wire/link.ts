@@ -1,6 +1,6 @@
 // One connection to the gateway by the rosbridge protocol: subscriptions come back after a break, calls end in time.
 import { batch, signal } from "@preact/signals";
-import { addressOf } from "./address";
+import { addressOf, baseOf } from "./address";
 
 /** Whether the gateway is heard. `lost`: it was, and is being looked for. */
 export type LinkState = "connecting" | "open" | "lost";
@@ -69,9 +69,9 @@ async function logInAnew(): Promise<void> {
   if (asks) return;
   asks = true;
   const asked = { headers: { accept: "text/html" }, redirect: "manual", cache: "no-store" } as const;
-  const answer = await fetch("/", asked).catch(() => undefined);
+  const answer = await fetch(`${baseOf(location)}/`, asked).catch(() => undefined);
   asks = false;
-  if (answer?.type === "opaqueredirect") location.assign("/login");
+  if (answer?.type === "opaqueredirect") location.assign(`${baseOf(location)}/login`);
 }
 
 export class Link {

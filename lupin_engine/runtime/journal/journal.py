@@ -21,8 +21,9 @@ from typing import Any, Protocol
 
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
-from lupin_engine.plugin.files import ros_domain, user_folder
+from lupin_engine.plugin.files import user_folder
 from lupin_engine.plugin.profile import Publish
+from lupin_engine.plugin.robot import state_key
 from lupin_engine.runtime.journal.frames import frame
 from lupin_engine.runtime.journal.records import (
     ANSWERED,
@@ -348,23 +349,23 @@ def _newest_stamp(folder: Path) -> int:
     return 0
 
 
-def journal_folder(path: str = "", domain: int | None = None) -> Path:
-    """Return the folder of the journal of a ROS domain, by default this process's; or `path`, if given."""
-    return domain_folder("journal", path, domain)
+def journal_folder(path: str = "", domain: int | None = None, robot: str | None = None) -> Path:
+    """Return the folder of the journal of a robot of a ROS domain; or `path`, if given."""
+    return domain_folder("journal", path, domain, robot)
 
 
-def domain_folder(name: str, path: str = "", domain: int | None = None) -> Path:
+def domain_folder(name: str, path: str = "", domain: int | None = None, robot: str | None = None) -> Path:
     """Return `path`, or without one the folder `name` of a ROS domain in the user's state folder.
 
-    `domain` is by default this process's.
+    `domain` and the namespace `robot` are by default this process's; each robot has a folder of its own.
 
     Raises:
         UsageError: there is no such domain, or the user has no home folder.
     """
     if path:
         return Path(path)
-    here = ros_domain() if domain is None else domain
-    return user_folder("XDG_STATE_HOME", ".local/state") / name / f"domain-{here}"
+    key = state_key(domain, robot)
+    return user_folder("XDG_STATE_HOME", ".local/state") / name / f"domain-{key}"
 
 
 def mission_in_name(file: Path) -> str:

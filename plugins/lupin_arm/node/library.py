@@ -264,18 +264,18 @@ class LibraryServer:
 
 def serve_library(ros: RosNode, arm: Arm, mission: MissionGate, given_path: str) -> LibraryServer:
     """Offer the services of the library in the file `given_path`, '' for the user's own."""
-    return LibraryServer(ros, arm, mission, library_path(given_path))
+    return LibraryServer(ros, arm, mission, library_path(given_path, ros.namespace))
 
 
-def library_path(given: str) -> Path:
-    """Return the file of the library: the given one, else one in the user's configuration.
+def library_path(given: str, robot: str = "") -> Path:
+    """Return the file of the library: the given one, else that of a namespace in the user's configuration.
 
     Raises:
         UsageError: none is given, and the user has no home folder.
     """
     if given:
         return Path(os.path.expanduser(given))
-    return user_folder("XDG_CONFIG_HOME", ".config") / "arm_library.json"
+    return user_folder("XDG_CONFIG_HOME", ".config") / f"arm_library{robot.replace('/', '-')}.json"
 
 
 def _now() -> str:

@@ -23,6 +23,8 @@ from lupin_gateway.entry.gate import CONNECTION, Gate
 from lupin_gateway.guard import GatewayRules
 
 LOGIN = "/login"
+#: Key in the scope of a request: what stands before the paths of its robot; none where there is one only.
+BASE = "lupin_base"
 #: The cookie by which a page that is loaded anew is known; it opens nothing.
 BROWSER_COOKIE = "lupin_browser"
 #: Seconds that a browser is known.
@@ -112,7 +114,7 @@ class AuthMiddleware:
             wants_page = "text/html" in request.headers.get("accept", "")
             response = PlainTextResponse(f"{refused}\n", refused.status)
             if refused.status == 401 and wants_page and request.method == "GET":
-                response = RedirectResponse(LOGIN, 303)
+                response = RedirectResponse(scope.get(BASE, "") + LOGIN, 303)
         response.headers.update({**SECURITY_HEADERS, "cache-control": "no-store"})
         await response(scope, receive, send)
 
@@ -139,7 +141,7 @@ class AuthMiddleware:
             await asyncio.sleep(self._rules.refused_entry(address, refused))
             return _page(str(refused), refused.status)
         self._rules.write_login(visitor.name, address, True, "by a link" if code else "by token")
-        response = RedirectResponse("/", 303)
+        response = RedirectResponse(request.scope.get(BASE, "") + "/", 303)
         response.headers["set-cookie"] = _cookie(TOKEN_COOKIE, token, visitor.expires - wall, True)
         return response
 

@@ -15,33 +15,39 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lupin_engine.plugin import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin import state_key, user_folder, write_atomically
 
 #: Seconds that a code is good for.
 GOOD_FOR_S = 600
 
 
-def state_folder(domain: int | None = None) -> Path:
-    """Return the gateway's state folder for a ROS domain (None: this process's), created if need be.
+def state_folder(domain: int | None = None, robot: str | None = None) -> Path:
+    """Return the state folder of the gateway of a ROS domain and namespace, created if need be.
+
+    None: this process's.
 
     Raises:
         UsageError: there is no such domain, or the user has no home folder.
         OSError: it cannot be created.
     """
-    number = ros_domain() if domain is None else domain
-    folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{number}" if number else "gateway")
+    key = state_key(domain, robot)
+    folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{key}" if key != "0" else "gateway")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     return folder
 
 
 @dataclass(frozen=True)
 class GatewayAddress:
-    """Where the gateway of a domain listens, and its files of tokens and certificate ('': none)."""
+    """Where the gateway of a robot listens, and its files of tokens and certificate ('': none).
+
+    `base` stands before its paths, where it serves several robots.
+    """
 
     host: str
     port: int
     tokens: str
     certificate: str
+    base: str = ""
 
     @staticmethod
     def _file(folder: Path) -> Path:

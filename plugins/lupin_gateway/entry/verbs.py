@@ -50,7 +50,7 @@ def invite(name: str, at: str, domain: int | None) -> int:
         raise UsageError(expired)
     host = at or next(_hosts(_certified(served)), socket.gethostname())
     scheme = "https" if served.certificate else "http"
-    link = f"{scheme}://{host}:{served.port}/login#{Invitations(folder).invite(name, wall)}"
+    link = f"{scheme}://{host}:{served.port}{served.base}/login#{Invitations(folder).invite(name, wall)}"
     who = f"{name} ({visitors[name].role.word})"
     click.echo(f"{who} logs in with this link, once, within {GOOD_FOR_S // 60} minutes:\n\n  {link}\n")
     _draw(link)

@@ -68,6 +68,10 @@ class MotionGate:
         """Take the orchestrator's published state."""
         self._mission, self._heard = mission, now
 
+    def is_silent(self, now: float) -> bool:
+        """Return whether the orchestrator is not heard."""
+        return now - self._heard > SILENCE_S
+
     def settle(self, stopped_by_pages: bool, now: float) -> bool:
         """Re-evaluate; return whether motion was allowed before and is not any more."""
         could_move = self._can_move
@@ -82,7 +86,7 @@ class MotionGate:
 
     def _look(self, stopped_by_pages: bool, now: float) -> tuple[str, str]:
         mission = self._mission
-        is_silent = now - self._heard > SILENCE_S
+        is_silent = self.is_silent(now)
         if stopped_by_pages or self._stops or (mission.stopped and not is_silent):
             by = f" ({', '.join(self._stops)})" if self._stops else ""
             return "stop", f"e-stop engaged{by}: release it, then ask again"

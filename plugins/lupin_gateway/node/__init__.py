@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -19,6 +20,7 @@ from lupin_gateway.node import rules as rule_parameters
 from lupin_gateway.node.listening import listen
 from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import RosAdapter
+from lupin_gateway.robots import Robots
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
 from lupin_greenhouse import StopListener, StopState
@@ -118,32 +120,66 @@ def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> N
     loop.start(serving)
 
 
+def _gateway(ros: RosNode, values: Mapping[str, Any], loop: LoopThread, base: str = "") -> Gateway:
+    """Return the gateway of the robot in the namespace of `ros`; `base` stands before its paths."""
+    kept = kept_by(values)
+    port = RosAdapter(ros, loop.post)
+    limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
+    hub = Hub(port.listen, lambda topic: kept.get(topic, Backlog()))
+    history = TopicHistory(hub, history_topics(values["history"]), time.time)
+    rules = rule_parameters.gateway_rules(ros, port, values, base)
+    loop.post(listen, hub, rules, load_catalog().profile)
+
+    def hear_stop(state: StopState) -> None:
+        port.hear_stop(state.engaged)
+        loop.post(rules.hear_stops, state.sources)
+
+    StopListener(ros, values["estop_topic"], values["estop_timeout"], hear_stop)
+    gateway = Gateway(port, hub, limits, rules, rule_parameters.tls(values), history)
+    gateway.robot = ros.namespace[1:]
+    return gateway
+
+
+def _robots(ros: RosNode, arguments: Sequence[str], loop: LoopThread) -> Robots:
+    """Return the gateways of several robots, each with a node in its namespace, which ends with `ros`."""
+    values, found = ros.parameters(), {}
+    for robot in values["robots"]:
+        inside = ["--ros-args", "-r", f"__ns:={ros.namespace}/{robot}", "--", *arguments]
+        node = RosNode(ros.name, inside, PARAMETERS)
+        own = rule_parameters.of_robot(values, robot)
+        found[robot] = _gateway(node, own, loop, f"/robots/{robot}")
+        spinning = threading.Thread(target=_spin, args=(node, ros), name=robot, daemon=True)
+        ros.on_stop(partial(_end, node, spinning))
+        spinning.start()
+    return Robots(found)
+
+
+def _spin(node: RosNode, ros: RosNode) -> None:
+    try:
+        node.spin()
+    finally:  # one that ended by a defect ends them all, to be started again
+        ros.stop()
+
+
+def _end(node: RosNode, spinning: threading.Thread) -> None:
+    node.stop()
+    spinning.join()
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the node until it is stopped; `arguments` are the ROS arguments."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with RosNode("lupin_gateway", arguments, PARAMETERS, managed=True) as ros:
         values = ros.parameters()
         check(values)
-        kept = kept_by(values)
         address = Address(rule_parameters.host(values), values["port"], values["rosbridge_port"])
         sockets = address.sockets()
         loop = LoopThread(ros.stop)
         ros.on_stop(loop.stop)
         for each in sockets:
             ros.on_stop(each.close)
-        port = RosAdapter(ros, loop.post)
-        limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
-        hub = Hub(port.listen, lambda topic: kept.get(topic, Backlog()))
-        history = TopicHistory(hub, history_topics(values["history"]), time.time)
-        rules = rule_parameters.gateway_rules(ros, port, values)
-        loop.post(listen, hub, rules, load_catalog().profile)
-
-        def hear_stop(state: StopState) -> None:
-            port.hear_stop(state.engaged)
-            loop.post(rules.hear_stops, state.sources)
-
-        StopListener(ros, values["estop_topic"], values["estop_timeout"], hear_stop)
-        gateway = Gateway(port, hub, limits, rules, rule_parameters.tls(values), history)
+        several = values["robots"]
+        gateway = _robots(ros, arguments, loop) if several else _gateway(ros, values, loop)
         opening = Repeater(
             ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))
         )

@@ -47,7 +47,7 @@ def service_type(ros: RosNode, name: str) -> str:
 
 def service_servers(ros: RosNode, name: str) -> list[Any]:
     """Return the ends of a service's channel of requests at its servers."""
-    requests, _ = service_channels(name)
+    requests, _ = service_channels(ros.full(name))
     return list(ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True))
 
 

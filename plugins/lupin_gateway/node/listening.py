@@ -60,7 +60,7 @@ def listen(hub: Hub, rules: GatewayRules, profile: Profile) -> None:
 def _take_state(rules: GatewayRules, profile: Profile, message: Mapping[str, Any]) -> None:
     """Pass the mission's state to the motion gate: whether it is active, held, or stopped."""
     assert profile.wire is not None
-    state = profile.wire.read_state(message)
+    state = rules.progress = profile.wire.read_state(message)
     alarms = (name for name, flag in profile.terminal.flags.items() if flag.alarm)
     level = MissionLevel(
         state.lifecycle,

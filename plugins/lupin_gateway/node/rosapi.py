@@ -1,7 +1,8 @@
 """Answers the services of `/rosapi/`: clients' queries about nodes, topics, services, types and parameters.
 
-A client learns of the topics, services and actions that its role may use. The types of these services are not
-checked: pages have called `get_time` with a wrong one for years, so only the name counts.
+A client learns of the topics, services and actions that its role may use, by the names of the gateway's
+namespace, without it; nodes have their full names. The types of these services are not checked: pages have
+called `get_time` with a wrong one for years, so only the name counts.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.node import NodeNameNonExistentError
 
 from lupin_engine.errors import nearest
+from lupin_engine.plugin import COMMON_NAMES
 from lupin_gateway.access import Use, UseRefusal
 from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
@@ -113,6 +115,19 @@ class Rosapi:
         stamp = self._ros.stamp()
         return {"time": {"sec": stamp.sec, "nanosec": stamp.nanosec}}
 
+    def _seen(self, found: list[tuple[str, list[str]]]) -> dict[str, str]:
+        """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
+        return {
+            own: kinds[0] for name, kinds in sorted(found) if "/_" not in name and (own := self._own(name))
+        }
+
+    def _own(self, name: str) -> str:
+        """Return a name as pages write it; '' for one of another namespace."""
+        space = self._ros.namespace
+        if name in COMMON_NAMES or name.startswith(f"{space}/"):
+            return name.removeprefix(space)
+        return ""
+
     # -- topics, services and actions ---------------------------------------------------------------------
 
     def _known(self, use: Use, refusal: UseRefusal) -> dict[str, str]:
@@ -121,10 +136,11 @@ class Rosapi:
         topics = use is Use.SUBSCRIBE
         found = node.get_topic_names_and_types() if topics else node.get_service_names_and_types()
         if use is Use.ACTION:
-            goals = sorted(name.removesuffix(_GOALS) for name, _ in found if name.endswith(_GOALS))
+            names = (self._own(name) for name, _ in found)
+            goals = sorted(name.removesuffix(_GOALS) for name in names if name.endswith(_GOALS))
             kinds = {name: action_type(self._ros, name) for name in goals if not refusal(use, name)}
             return {name: kind for name, kind in kinds.items() if kind}
-        return {name: kind for name, kind in _seen(found).items() if not refusal(use, name)}
+        return {name: kind for name, kind in self._seen(found).items() if not refusal(use, name)}
 
     def _topics(self, _: Data, refusal: UseRefusal) -> dict[str, Any]:
         found = self._known(Use.SUBSCRIBE, refusal)
@@ -143,7 +159,7 @@ class Rosapi:
         node, topic = self._ros.node, _name(data, "topic", Use.SUBSCRIBE, refusal)
         publishes = end == "publishers"
         ask = node.get_publishers_info_by_topic if publishes else node.get_subscriptions_info_by_topic
-        return {end: _nodes_of(ask(topic))}
+        return {end: _nodes_of(ask(self._ros.full(topic)))}
 
     def _servers(self, data: Data, refusal: UseRefusal) -> list[str]:
         return _nodes_of(service_servers(self._ros, _name(data, "service", Use.CALL, refusal)))
@@ -156,9 +172,10 @@ class Rosapi:
     # -- nodes --------------------------------------------------------------------------------------------
 
     def _nodes(self) -> dict[str, tuple[str, str]]:
-        """Return the nodes by their full names, each with its name and namespace."""
+        """Return the nodes of the gateway's namespace by their full names, with name and namespace."""
         pairs = sorted(set(self._ros.node.get_node_names_and_namespaces()))
-        return {f"{namespace.rstrip('/')}/{name}": (name, namespace) for name, namespace in pairs}
+        nodes = {f"{namespace.rstrip('/')}/{name}": (name, namespace) for name, namespace in pairs}
+        return {full: each for full, each in nodes.items() if self._own(full)}
 
     def _node_details(self, data: Data, refusal: UseRefusal) -> dict[str, Any]:
         node, nodes = _absolute(_text(data, "node")), self._nodes()
@@ -171,7 +188,7 @@ class Rosapi:
             "services": (of.get_service_names_and_types_by_node, Use.CALL),
         }
         return {
-            end: sorted({name for name, _ in ask(*nodes[node])} & self._known(use, refusal).keys())
+            end: sorted({self._own(name) for name, _ in ask(*nodes[node])} & self._known(use, refusal).keys())
             for end, (ask, use) in ends.items()
         }
 
@@ -212,7 +229,8 @@ class Rosapi:
             self._ask_node(node, "list_parameters", {}, partial(answered, node))
 
     def _ask_node(self, node: str, service: str, request: Data, done: Done) -> None:
-        self._services.call(f"{_absolute(node)}/{service}", request, PARAMETER_WITHIN_S, done)
+        own = self._own(_absolute(node)) or _absolute(node)
+        self._services.call(f"{own}/{service}", request, PARAMETER_WITHIN_S, done)
 
 
 def _refuse_change(*_: Any) -> None:
@@ -234,11 +252,6 @@ def _parameter(data: Data) -> tuple[str, str]:
     if not parameter:
         raise ValueError("'name' is written NODE:PARAMETER, such as /lupin_twin:frame_id")
     return node, parameter
-
-
-def _seen(found: list[tuple[str, list[str]]]) -> dict[str, str]:
-    """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
-    return {name: kinds[0] for name, kinds in sorted(found) if "/_" not in name}
 
 
 def _text(data: Data, key: str) -> str:

@@ -23,6 +23,7 @@ from lupin_engine.plugin import (
     list_of,
     load_catalog,
     one_of,
+    read_robot,
 )
 from lupin_gateway.access import (
     AccessControl,
@@ -59,7 +60,13 @@ PARAMETERS = {
     "tls_certificate": Parameter(TEXT, "", "file with the certificate of this machine (PEM)"),
     "tls_key": Parameter(TEXT, "", "file with its key (PEM)"),
     "tokens": Parameter(
-        TEXT, "", "file of who may come in: lines of NAME ROLE EXPIRES TOKEN; empty: all of this machine"
+        TEXT,
+        "",
+        "file of who may come in: lines of NAME ROLE EXPIRES TOKEN; empty: all of this machine; "
+        "{robot} in it is the name of each of several robots",
+    ),
+    "robots": Parameter(
+        list_of(TEXT), [], "names of robots below this node's namespace that are served; empty: its own"
     ),
     "origins": Parameter(
         list_of(TEXT), [], "origins of pages that other servers serve, such as https://hmi.example:8443"
@@ -103,6 +110,14 @@ def check(values: Mapping[str, Any]) -> None:
         UsageError: all errors at once.
     """
     problems = Problems(UsageError)
+    if values["robots"]:
+        if values["audit_file"]:
+            problems.add("audit_file: each of several robots has a file of its own: leave it out")
+        for robot in values["robots"]:
+            with problems.collecting():
+                check(of_robot(values, robot))
+        problems.raise_any()
+        return
     if values["open"]:
         problems.add(*open_problems(values["tls_certificate"], values["tls_key"], values["tokens"]))
     elif values["host"] not in LOOPBACK:
@@ -114,6 +129,17 @@ def check(values: Mapping[str, Any]) -> None:
         with problems.collecting():
             tls(values)
     problems.raise_any()
+
+
+def of_robot(values: Mapping[str, Any], robot: str) -> Mapping[str, Any]:
+    """Return the parameters for one of several robots.
+
+    Raises:
+        UsageError: it is no name of a robot.
+    """
+    if "/" in read_robot(robot, "robots:")[1:]:
+        raise UsageError(f"robots: {robot!r} is below another one: a gateway in that namespace serves it")
+    return {**values, "robots": [], "audit_file": "", "tokens": values["tokens"].replace("{robot}", robot)}
 
 
 def tls(values: Mapping[str, Any]) -> Mapping[str, str]:
@@ -139,9 +165,12 @@ def host(values: Mapping[str, Any]) -> str:
     return "0.0.0.0" if values["open"] and named in LOOPBACK else named
 
 
-def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any]) -> GatewayRules:
-    """Return the rules, with the stops that an earlier gateway of this domain has left engaged."""
-    catalog, folder = load_catalog(), state_folder()
+def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any], paths: str = "") -> GatewayRules:
+    """Return the rules, with the stops that an earlier gateway of this robot has left engaged.
+
+    `paths` is what stands before those of its pages.
+    """
+    catalog, folder = load_catalog(), state_folder(robot=ros.namespace)
     tokens = Path(values["tokens"]) if values["tokens"] else None
     access = AccessControl(_TokensFile(ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
@@ -172,7 +201,8 @@ def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any]) -> 
     if tokens:
         rules.invitations = Invitations(folder)
         certificate = _absolute(values["tls_certificate"])
-        GatewayAddress(host(values), values["port"], _absolute(values["tokens"]), certificate).keep(folder)
+        files = _absolute(values["tokens"]), certificate
+        GatewayAddress(host(values), values["port"], *files, paths).keep(folder)
     return rules
 
 

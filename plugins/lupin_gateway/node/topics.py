@@ -63,7 +63,7 @@ class Subscription:
 
     def look(self) -> None:
         """Match type and QoS to the current publishers; a type that none of them has is reported."""
-        publishers = self._ros.node.get_publishers_info_by_topic(self.topic)
+        publishers = self._ros.node.get_publishers_info_by_topic(self._ros.full(self.topic))
         if not publishers:
             return
         published = sorted({type_name(each) for each in publishers})
@@ -80,7 +80,7 @@ class Subscription:
         self._profile = profile
         latched = is_latched(profile)
         try:
-            kind, decode = types.class_of(type_), types.decode(type_)
+            kind, decode = types.class_of(type_), self._ros.frames.reading(types.decode(type_))
         except NotCarried as problem:
             self._post(self._problem, f"{self.topic}: {problem}")
             return
@@ -93,7 +93,7 @@ class Subscription:
                 self._post(self._deliver_next)
 
         self._subscription = self._ros.subscribe_raw(kind, self.topic, profile, on_message)
-        self._ros.watch_channels([f"rt{self.topic}"])
+        self._ros.watch_channels([f"rt{self._ros.full(self.topic)}"])
         self._post(self._problem, "")
 
     def _deliver_next(self) -> None:
@@ -176,7 +176,7 @@ class _SharedPublisher:
         self._publisher.publish(message)
 
     def _matched(self) -> bool:
-        there = self._ros.node.count_subscribers(self._topic)
+        there = self._ros.node.count_subscribers(self._ros.full(self._topic))
         return self._publisher.get_subscription_count() >= there or time.monotonic() >= self._until
 
     def _release(self) -> None:
@@ -278,6 +278,6 @@ class Publishers:
 
 def topic_types(ros: RosNode, topic: str) -> list[str]:
     """Return the types under which a topic is published or subscribed to."""
-    node = ros.node
+    node, topic = ros.node, ros.full(topic)
     ends = [*node.get_publishers_info_by_topic(topic), *node.get_subscriptions_info_by_topic(topic)]
     return sorted({type_name(each) for each in ends})

@@ -25,6 +25,8 @@ class StepNotices:
         self._notifications = notifications
         #: The last step that was taken notice of: the boot of its orchestrator, and its number.
         self.seen = ("", -1)
+        #: The open questions, by the states that ask them.
+        self.asked: Mapping[str, str] = {}
 
     def take(self, record: Mapping[str, Any]) -> None:
         """Take a record of the topic of steps; ones of the same session with an old number are ignored."""
@@ -38,7 +40,7 @@ class StepNotices:
                 text = ": ".join(filter(None, [code["label"], code["detail"]]))
                 about = f"{code['code']} {code['target']}".strip()
                 self._notifications.add("code", about, min(code["severity"], ERROR), text, at)
-        asked = {one["state"]: one["question"] for one in record["view"].get("asking", ())}
+        asked = self.asked = {one["state"]: one["question"] for one in record["view"].get("asking", ())}
         for state in self._notifications.lasting("question"):
             if state not in asked:
                 self._notifications.end("question", state, at)

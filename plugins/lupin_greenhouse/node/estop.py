@@ -43,7 +43,8 @@ class StopListener:
         self._ros = ros
         self._changed = changed
         self._fold = StopFold(rules(timeout if topic else None))
-        self._topics = {**({ROBOT: topic} if topic else {}), PAGES: PAGES_TOPIC, HMI: HMI_TOPIC}
+        topics = {**({ROBOT: topic} if topic else {}), PAGES: PAGES_TOPIC, HMI: HMI_TOPIC}
+        self._topics = {source: ros.full(name) for source, name in topics.items()}
         self._heard: set[str] = set()
         self._closed = False
         self._now = 0.0

@@ -73,7 +73,7 @@ class Aggregator:
         )
         self._mission = MissionState()
         self._mission_heard = -math.inf
-        self._memory = MissionFile(memory_path(values["memory_file"], os.environ))
+        self._memory = MissionFile(memory_path(values["memory_file"], os.environ, ros.namespace))
         self._past = self._recall()
         #: What was last written to the memory: revision of the tags, reports of pests, what is scanned.
         self._kept = 0, 0, ""

@@ -107,6 +107,25 @@ def test_what_others_publish_is_theirs(folder: Path, capsys: pytest.CaptureFixtu
     assert told(capsys) == ["1 mission, no errors, no warnings"]
 
 
+def test_a_common_name_is_written_in_full(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Else a wildcard for this robot, or its own plugin's topic, would reach all robots."""
+    bound = Path("missions/bindings/camera.yaml")
+    text = bound.read_text().replace("name: /camera/lamp", "common: true, name: /robot1/e_stop_state")
+    bound.write_text(text.replace("name: /camera/light", "common: true, name: /joint_states"))
+    Path("lupin.yaml").write_text("allow: {services: /camera/*, publish: /*, subscribe: /*}")
+    assert told(capsys) == [
+        f"{bound}:30:33: error: {LAMP} '/robot1/e_stop_state' of all robots; write /robot1/e_stop_state, "
+        "without '*', under 'allow: publish' in lupin.yaml [not-allowed]",
+        f"{bound}:38:33: error: values.camera.light.topic: it is not allowed to listen to the topic "
+        "'/joint_states' of all robots; write /joint_states, without '*', under 'allow: subscribe' in "
+        "lupin.yaml [not-allowed]",
+        "1 mission, 2 errors, no warnings",
+    ]
+    full = "{services: /camera/*, publish: /robot1/e_stop_state, subscribe: /joint_states}"
+    Path("lupin.yaml").write_text(f"allow: {full}")
+    assert told(capsys) == ["1 mission, no errors, no warnings"]
+
+
 @pytest.mark.parametrize(
     ("service", "owner"),
     [

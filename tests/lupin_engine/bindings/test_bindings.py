@@ -26,6 +26,7 @@ from lupin_engine.missions.load import check_chart, forget, inspect_chart, load_
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.mocks import MockCases
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.robot import name_of
 from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of
 from lupin_engine.sim.simulation import Script, simulate
 from tests.lupin_engine.chart.test_words import key, keys_said
@@ -410,6 +411,8 @@ def test_only_numbers_are_calculated_with(survey: Binding) -> None:
 def test_what_a_topic_tells(survey: Binding) -> None:
     """A live value in its base unit, or nothing; an event with its fields."""
     depth, stone = survey.values["soil.depth"], survey.events["stone"]
+    names = [name_of("/robot2", each.endpoint.name) for each in (depth, stone)]
+    assert names == ["/robot2/survey/depth", "/survey/stone"]  # which is common
     message = {"stone": False, "depths": [{"value": 30.0}]}
     assert depth.heard(message, ON_THE_WAY) == {"value": pytest.approx(0.3)}
     assert depth.heard({"depths": [{"value": 0.0}]}, ON_THE_WAY) is None

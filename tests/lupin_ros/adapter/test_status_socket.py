@@ -118,7 +118,7 @@ def test_another_user_is_refused(host: Any, theirs: str) -> None:
         assert process.stdout.readline() == "refused\n"
         if theirs == "server":
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(status_socket, "_name", lambda: other)
+                patch.setattr(status_socket, "_name", lambda _: other)
                 assert read_status() is None
 
 

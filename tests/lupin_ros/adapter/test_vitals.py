@@ -88,7 +88,7 @@ def test_a_node_that_ends_as_it_should_says_so(make_node: MakeNode) -> None:
 
 def test_a_report_costs_less_than_a_thousandth_of_a_core(make_node: MakeNode) -> None:
     talker = make_node("talker")
-    reports = vitals.Vitals(talker.node, 0.0)
+    reports = vitals.Vitals(talker.node, "/diagnostics", 0.0)
     reports.report(1.0)
     used = time.process_time()
     for second in range(100):

@@ -111,7 +111,7 @@ def test_every_node_that_dies_at_the_start_is_told_with_its_last_words(
     """Two with one reason are told as two: the exit code, the log, and its last lines."""
     launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+    def command(launches: Sequence[NodeLaunch], *_: object) -> list[str]:
         (launch,) = launches
         return [sys.executable, "-c", f"print('no {launch.node.name} here'); raise SystemExit(3)"]
 
@@ -132,7 +132,7 @@ def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
     """The file with a node's parameters could not be written."""
     launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+    def command(launches: Sequence[NodeLaunch], *_: object) -> list[str]:
         if launches[0].node.name == "looker":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return [sys.executable, "-c", "import signal; signal.pause()"]

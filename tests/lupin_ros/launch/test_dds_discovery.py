@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from lupin_ros.adapter.dds.ports import exposed, participants
 from lupin_ros.launch import dds_discovery
-from lupin_ros.launch.dds_discovery import LIMIT_S, QUIET_S, exposed, participants, settled
+from lupin_ros.launch.dds_discovery import LIMIT_S, QUIET_S, settled
 
 TICK_S = 0.05
 

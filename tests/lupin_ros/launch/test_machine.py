@@ -11,8 +11,8 @@ import pytest
 
 from lupin_cli import run_folders
 from lupin_engine.errors import UsageError
+from lupin_ros.adapter.dds.ports import participants
 from lupin_ros.launch import shared_memory
-from lupin_ros.launch.dds_discovery import participants
 from lupin_ros.launch.environment import close_the_doors, current_domain, is_local_only
 from lupin_ros.launch.health import running_nodes
 from lupin_ros.launch.interrupts import Interrupts

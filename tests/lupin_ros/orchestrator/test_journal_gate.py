@@ -37,6 +37,7 @@ class Node:
     log = Silent()
     trouble = log.told
     lineage = "l"
+    namespace = ""
 
     def __init__(self, **given: Any) -> None:
         self._given = {name: one.default for name, one in JOURNAL_PARAMETERS.items()} | given

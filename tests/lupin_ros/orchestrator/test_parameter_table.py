@@ -100,7 +100,7 @@ MORE = {
     "frontier_timeout_s",  # a search ends when nothing is left to explore
     "frontier_avoid_distance_m",  # a frontier to which there was no way is not chosen again
 }
-OF_ROS = {"use_sim_time", "start_type_description_service"}
+OF_ROS = {"use_sim_time", "start_type_description_service", "frame_prefix"}
 
 #: Lower and upper end of what is allowed; where nothing stands a number is free.
 RANGES: dict[str, tuple[float, float]] = {

@@ -25,7 +25,8 @@ from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import HistoryTopic
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.ports import GoalEnd
-from lupin_gateway.server import Address, Gateway, serve
+from lupin_gateway.robots import Robots
+from lupin_gateway.server import Address, Gateway, RobotServer, serve
 from lupin_gateway.session import Limits
 from lupin_gateway.stop import StopArbiter
 from lupin_ros.service.names import ACCESS
@@ -131,7 +132,8 @@ class ServedGateway:
         )
         hub = Hub(self.robot.listen, lambda topic: Backlog())
         self.history = TopicHistory(hub, history, wall)
-        self._gateway = Gateway(self.robot, hub, Limits(), self.rules, tls or {}, self.history)
+        self.gateway = Gateway(self.robot, hub, Limits(), self.rules, tls or {}, self.history)
+        self._serves: RobotServer = self.gateway
         self._loop = asyncio.new_event_loop()
         self._sockets = Address(port=0).sockets()
         self.port: int = self._sockets[0].getsockname()[1]
@@ -140,13 +142,20 @@ class ServedGateway:
         #: What ended it before the test did.
         self.failed: RuntimeError | None = None
 
+    def together(self, **others: ServedGateway) -> None:
+        """Serve others beside this one, `robot1`, before it is entered; they are not entered."""
+        self._serves = Robots({"robot1": self.gateway, **{name: one.gateway for name, one in others.items()}})
+        for one in others.values():
+            one._loop.close()
+            one._sockets[0].close()
+
     def _tell_state(self, text: str) -> None:
         self.states.append(json.loads(text))
         self.robot.tell(STOPS_TOPIC, text)
 
     def _run(self) -> None:
         try:
-            self._loop.run_until_complete(serve(self._gateway, self._sockets, self._until))
+            self._loop.run_until_complete(serve(self._serves, self._sockets, self._until))
         except RuntimeError as failed:
             self.failed = failed
             for each in self._sockets:  # a server that fails leaves them open
@@ -182,12 +191,17 @@ class OpenPage:
     """A page that is open: its connection, and the frames that it was sent."""
 
     def __init__(
-        self, port: int, trust: ssl.SSLContext | None = None, host: str = "localhost", **headers: str
+        self,
+        port: int,
+        trust: ssl.SSLContext | None = None,
+        host: str = "localhost",
+        base: str = "",
+        **headers: str,
     ) -> None:
         scheme, more = ("wss", {"ssl": trust}) if trust else ("ws", {})
         # Entered by hand: the connection lives until the page is closed.
         self.socket: ClientConnection = connect(
-            f"{scheme}://{host}:{port}/_ros",
+            f"{scheme}://{host}:{port}{base}/_ros",
             additional_headers={name.replace("_", "-"): value for name, value in headers.items()},
             max_size=None,
             compression=None,

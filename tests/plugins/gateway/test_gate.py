@@ -43,7 +43,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedGat
 def ended(at: ServedGateway) -> Counter[str]:
     """Return why connections were ended, by the log and what is not logged yet."""
     found: Counter[str] = Counter()
-    for text in (*reports, at.call(at._gateway.gate.report)):
+    for text in (*reports, at.call(at.gateway.gate.report)):
         for number, why in re.findall(r"(\d+) \((.+?)\)", text):
             found[why] += int(number)
     return found

@@ -112,6 +112,10 @@ def test_up_tells_the_verbs() -> None:
         "and operate it with lupin state, answer, abort, dock, pause, reset, resume, skip; "
         "all of them with --domain 7",
     ]
+    assert served(loaded, 7, "/fleet/robot2")[:2] == [
+        "ready in ROS domain 7, robot /fleet/robot2; start a mission from the HMI, or with",
+        "  lupin start inspection --domain 7 --robot fleet/robot2",
+    ]
 
 
 # -- what is shown ----------------------------------------------------------------------------------------

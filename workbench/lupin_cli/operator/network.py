@@ -10,7 +10,7 @@ import click
 
 from lupin_cli.exit_codes import ACCEPTED, REFUSED
 from lupin_engine.errors import Problems, UsageError
-from lupin_ros.launch import close_the_doors, current_domain, published_here
+from lupin_ros.launch import close_the_doors, current_place, published_here
 
 if TYPE_CHECKING:
     from lupin_ros.launch import Answer, Attendant, Published
@@ -57,10 +57,8 @@ def last_published(domain: int | None) -> Published:
 
 
 def nobody() -> UsageError:
-    """Return the error that no orchestrator answers in this ROS domain."""
-    return UsageError(
-        f"no orchestrator speaks in ROS domain {current_domain()}; give --domain, or `lupin up`"
-    )
+    """Return the error that no orchestrator of this robot answers in this ROS domain."""
+    return UsageError(f"no orchestrator speaks in {current_place()}; give --domain, or `lupin up`")
 
 
 def print_answer(answer: Answer) -> int:

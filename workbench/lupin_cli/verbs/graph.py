@@ -9,7 +9,8 @@ import click
 
 from lupin_cli import options
 from lupin_engine.errors import Problems, UsageError, meant
-from lupin_ros.launch import close_the_doors, current_domain
+from lupin_engine.plugin import robot_namespace
+from lupin_ros.launch import close_the_doors, current_place
 
 if TYPE_CHECKING:
     from lupin_ros.adapter import Interface
@@ -61,11 +62,10 @@ def _chosen(words: Sequence[str], everything: bool) -> list[Interface]:
     """
     from lupin_ros.launch import network  # needs rclpy
 
-    seen = network()
+    robot = f"{robot_namespace()}/"
+    seen = [i for i in network() if any(text.startswith(robot) for text in _texts(i))]
     if not seen:
-        raise UsageError(
-            f"there is no other node in ROS domain {current_domain()}; give --domain, or `lupin up`"
-        )
+        raise UsageError(f"there is no other node in {current_place()}; give --domain, or `lupin up`")
     shown = [i for i in seen if everything or not i.is_housekeeping]
     if not shown:
         raise UsageError("nobody here has more than what every node has; --all shows that")

@@ -12,7 +12,7 @@ import click
 
 from lupin_cli import options
 from lupin_engine.errors import Problems, Severity, UsageError
-from lupin_ros.launch import close_the_doors, current_domain
+from lupin_ros.launch import close_the_doors, current_place
 
 if TYPE_CHECKING:
     from lupin_ros.launch import Interrupts
@@ -74,7 +74,7 @@ def _record(path: Path, without: re.Pattern[str] | None) -> int:
 
     with quiet_terminal(), Interrupts() as interrupts:
         with TopicRecorder(path, without, load_profiles()) as recorder:
-            click.echo(f"recording ROS domain {current_domain()} into {path}; Ctrl-C ends it")
+            click.echo(f"recording {current_place()} into {path}; Ctrl-C ends it")
             _watch(recorder, interrupts)
         _print_news(recorder)
         click.echo(result(recorder))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lupin_cli.files import write_text
-from lupin_engine.plugin import Access, load_catalog
+from lupin_engine.plugin import Access, load_catalog, name_of, robot_namespace
 
 if TYPE_CHECKING:
     from lupin_engine.missions import LoadedMissions
@@ -56,10 +56,13 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
         ).launches
         for simulate in (sim, True)  # a simulated robot tells what the real one has, too
     }
-    nodes = {f"/{launch.node.name}": launch for launch in found[sim]}
-    launches = {f"/{launch.node.name}": launch for launch in found[True]} | nodes
-    pages = {f"/{node}": _access(loaded) for name in serving for node in catalog.plugins[name].nodes}
-    text = sros2.policy(declared_by(launches.values()), nodes, pages, _asked(loaded))
+    robot = robot_namespace()
+    nodes = {f"{robot}/{launch.node.name}": launch for launch in found[sim]}
+    launches = {f"{robot}/{launch.node.name}": launch for launch in found[True]} | nodes
+    access = _access(loaded, robot)
+    pages = {f"{robot}/{node}": access for name in serving for node in catalog.plugins[name].nodes}
+    asked = [name_of(robot, name) for name in _asked(loaded)]
+    text = sros2.policy(declared_by(launches.values()), nodes, pages, asked, robot)
     if folder is None:
         click.echo(text, nl=False)
         return 0
@@ -79,7 +82,7 @@ def _asked(loaded: LoadedMissions) -> list[str]:
     return [COMMAND_SERVICE, *requests]
 
 
-def _access(loaded: LoadedMissions) -> Access:
+def _access(loaded: LoadedMissions, robot: str) -> Access:
     """Return the permissions of pages, by the profile, the engine, plugins and bindings."""
     from lupin_engine.plugin import declared_access
     from lupin_ros.service import ACCESS
@@ -88,4 +91,5 @@ def _access(loaded: LoadedMissions) -> Access:
     called = (call.endpoint.name for one in loaded.bindings.values() for call in one.calls.values())
     bound = Access(viewer=tuple(loaded.heard), engineer=tuple(called))
     every = [*declared_access(catalog), ACCESS, bound]
-    return Access(*(tuple(name for one in every for name in getattr(one, role)) for role in _ROLES))
+    named = (tuple(name_of(robot, name) for one in every for name in getattr(one, role)) for role in _ROLES)
+    return Access(*named)

@@ -10,7 +10,7 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin import Catalog, load_catalog
+from lupin_engine.plugin import Catalog, load_catalog, robot_namespace
 from lupin_ros.launch import current_domain
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _serve(
         bringup.bring_up(given.plugins, catalog, loaded.heard)
         for line in given.addresses(bringup.description.launches):
             observer.note(line)
-        observer.note("\n".join(served(loaded, current_domain())))
+        observer.note("\n".join(served(loaded, current_domain(), robot_namespace())))
         bringup.watch(_StateLines(observer, loaded.chart.profile))
     except Interrupted:
         return 0  # the way to end it
@@ -85,13 +85,14 @@ class _StateLines:
             self._observer.note(view.plain_state(progress, self._profile))
 
 
-def served(loaded: LoadedMissions, domain: int) -> list[str]:
+def served(loaded: LoadedMissions, domain: int, robot: str = "") -> list[str]:
     """Return lines for an operator: the commands that start each mission, and the other requests."""
-    option = f" --domain {domain}" if domain else ""  # which a shell of its own does not know
+    # Which a shell of its own does not know.
+    option = (f" --domain {domain}" if domain else "") + (f" --robot {robot[1:]}" if robot else "")
     start = [f"  lupin start {file.stem}{option}" for file in loaded.files]
     verbs = ", ".join(["state", "answer", *loaded.chart.profile.verbs.values()])
     return [
-        f"ready in ROS domain {domain}; start a mission from the HMI, or with",
+        f"ready in ROS domain {domain}{robot and f', robot {robot}'}; start a mission from the HMI, or with",
         *start,
         f"and operate it with lupin {verbs}{f'; all of them with{option}' if option else ''}",
         "Ctrl-C stops everything",

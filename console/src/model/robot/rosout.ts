@@ -1,5 +1,6 @@
 // What nodes log, from /rosout: warnings and worse.
 import type { Time } from "../../ros";
+import { gateway } from "../page";
 import { topic } from "../topics";
 
 interface LogMessage {
@@ -19,10 +20,16 @@ export interface LogLine {
 const WARN = 30;
 const ERROR = 40;
 
+/** Whether a logger is of this page's robot: all robots of a domain share the topic. */
+function isOurs(logger: string): boolean {
+  const robot = gateway.peek()?.robot;
+  return !robot || logger.startsWith(`${robot.replaceAll("/", ".")}.`);
+}
+
 export const rosout = topic<LogMessage, LogLine>("/rosout", "rcl_interfaces/msg/Log", {
   keep: 500,
   always: true,
   when: ({ stamp }) => stamp.sec * 1000 + stamp.nanosec / 1e6 || undefined,
   read: ({ level, name, msg }) =>
-    level < WARN ? undefined : { node: name, text: msg, severity: level < ERROR ? "warn" : "error" },
+    level < WARN || !isOurs(name) ? undefined : { node: name, text: msg, severity: level < ERROR ? "warn" : "error" },
 });
