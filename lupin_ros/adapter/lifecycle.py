@@ -33,14 +33,14 @@ _LEAVING = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVE_SHUTD
 class ManagedNode(LifecycleNode):
     """A node with the lifecycle services; it is unconfigured until `autostart` or a manager changes that."""
 
-    def __init__(self, name: str, context: Context) -> None:
+    def __init__(self, name: str, context: Context, namespace: str | None = None) -> None:
         self._label = "unconfigured"
         #: Returns why the node may not leave `active` now; '' where it may.
         self.hindrance: Callable[[], str] = str
         #: Called after each change of the state, with whether it was `active`; and with why one was refused.
         self.changed: Callable[[bool], object] = bool
         self.refused: Callable[[str], object] = str
-        super().__init__(name, context=context)
+        super().__init__(name, context=context, namespace=namespace)
         described = ParameterDescriptor(description=_AUTOSTART_DOC, read_only=True)
         self._is_autostarted = bool(self.declare_parameter(AUTOSTART, True, described).value)
         for service in self.services:
