@@ -11,6 +11,7 @@ the wheels, handed over through the variables that sourcing sets.
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import os
 import sys
@@ -28,6 +29,9 @@ LIBRARIES = "LD_LIBRARY_PATH"
 #: Set for the process that `prepare` starts anew, so that it can happen once only.
 RESTARTED = "_LUPIN_ROS_ENVIRONMENT"
 
+#: The distributions whose wheels the extras `ros` and `ros-kilted` install.
+WHEELS = ("jazzy", "kilted")
+
 PACKAGE_MARKERS = Path("share", "ament_index", "resource_index", "packages")
 
 
@@ -40,6 +44,20 @@ def rclpy_source() -> RclpySource | None:
     if found is None or found.origin is None:
         return None
     return "wheels" if Path(found.origin).is_relative_to(sys.prefix) else "apt"
+
+
+def distribution() -> str:
+    """Return the distribution of ROS 2 that is used here, such as `kilted`; '' where none is known."""
+    if rclpy_source() == "apt":
+        return os.environ.get("ROS_DISTRO", "")
+    return next((name for name in WHEELS if _is_installed(f"ros-{name}-rclpy")), "")
+
+
+def _is_installed(package: str) -> bool:
+    try:
+        return bool(importlib.metadata.version(package))
+    except importlib.metadata.PackageNotFoundError:
+        return False
 
 
 def rclpy_problem() -> str:

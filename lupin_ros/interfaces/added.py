@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import UsageError, meant
+from lupin_ros.adapter.environment import distribution
 from lupin_ros.interfaces.package import (
     InterfacePackage,
     read_package,
@@ -146,6 +147,7 @@ def _bootstrap() -> Any:
         raise UsageError(f"interfaces are compiled with the checkout of Lupin engine; {file} is not there")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    module.DISTRIBUTION = distribution()
     return module
 
 

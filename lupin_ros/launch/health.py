@@ -60,7 +60,7 @@ from lupin_ros.service.names import COMMAND_HASH, COMMAND_TYPE
 
 State = Literal["ok", "note", "problem"]
 
-#: Python versions that there are ROS wheels for.
+#: The Python versions that there are ROS wheels for; an apt ROS 2 may have the one after them.
 OLDEST_PYTHON, FIRST_TOO_NEW = (3, 10), (3, 14)
 
 RIHS = "RIHS01_"
@@ -106,7 +106,8 @@ def usable(findings: Sequence[Finding]) -> bool:
 
 def look_at_python() -> Iterator[Finding]:
     """Check the Python version and the platform; name this package's version."""
-    fits = OLDEST_PYTHON <= sys.version_info[:2] < FIRST_TOO_NEW
+    newest = (3, 15) if environment.rclpy_source() == "apt" else FIRST_TOO_NEW
+    fits = OLDEST_PYTHON <= sys.version_info[:2] < newest
     advice = "" if fits else "use Python 3.10 to 3.13 (`make PYTHON=/path/to/python3.12 ...`)"
     found = f"{platform.python_version()} in {sys.prefix}"
     yield Finding("Python", found, "ok" if fits else "problem", advice)
@@ -138,7 +139,7 @@ def look_at_ros() -> Iterator[Finding]:
         )
         yield Finding("middleware", os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp, the default"))
         return
-    yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels")
+    yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels of {environment.distribution().title()}")
     yield from _wheels_middleware()
 
 
