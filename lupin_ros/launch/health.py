@@ -169,11 +169,14 @@ def look_at_interfaces() -> Iterator[Finding]:
             continue
         if found == expected:
             yield Finding(name, f"{RIHS}{found[:12]}…")
-        else:
-            advice = (
-                f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
-            )
-            yield Finding(name, f"{RIHS}{found[:12]}…", "problem", advice)
+            continue
+        advice = f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
+        here = environment.distribution()
+        state: State = "problem"
+        if here and here not in environment.WHEELS and not name.startswith("lupin_"):
+            advice = f"Jazzy and Kilted have {RIHS}{expected[:12]}…: use it with nodes of {here.title()} only"
+            state = "note"
+        yield Finding(name, f"{RIHS}{found[:12]}…", state, advice)
 
 
 def look_at_network() -> Iterator[Finding]:

@@ -209,6 +209,17 @@ def test_another_definition_of_a_message_is_a_problem(monkeypatch: pytest.Monkey
     assert found[0].advice.startswith(f"expected {RIHS}{HASHES['lupin_msgs/srv/StartMission'][:12]}…")
 
 
+def test_a_later_distribution_may_have_another_definition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of Nav2's action, as Lyrical has; never of ours."""
+    monkeypatch.setattr(health, "local_hash", lambda name: f"{RIHS}{'0' * 64}")
+    monkeypatch.setattr(environment, "distribution", lambda: "lyrical")
+    found = {each.topic: each for each in health.look_at_interfaces()}
+    assert found["lupin_msgs/srv/StartMission"].state == "problem"
+    drive = found["nav2_msgs/action/NavigateToPose"]
+    assert drive.state == "note"
+    assert drive.advice == "Jazzy and Kilted have RIHS01_a56dba8a3234…: use it with nodes of Lyrical only"
+
+
 def test_left_overs_are_told_with_the_way_to_remove_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
