@@ -200,7 +200,7 @@ def requested_mode() -> str:
         raise Problem(what, "Use one of them, or unset LUPIN_ROS: for Jazzy, or for a ROS 2 that is sourced.")
     if sourced and wanted:
         what = f"This shell has sourced ROS 2 {sourced}, and LUPIN_ROS={wanted} asks for Python wheels."
-        raise Problem(what, "The two do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.")
+        raise Problem(what, "They do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.")
     if sourced and sourced not in SOURCED:
         what = f"This shell has sourced ROS 2 {sourced}; Lupin runs on {', '.join(SOURCED)}."
         raise Problem(what, "Run this in a shell without it: ROS 2 Jazzy then comes from Python wheels.")

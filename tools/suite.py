@@ -3,7 +3,7 @@
 python tools/suite.py check [pytest arguments]   lint, types, and the quick tests, for which Python is enough
 python tools/suite.py test [pytest arguments]    these, `slow` ones, over ROS 2, in a browser; in CI the audit
 python tools/suite.py test-all                   these, and those marked `long`
-python tools/suite.py test-kilted [pytest arguments]   what needs ROS 2 or a browser, on Kilted, `long` ones too
+python tools/suite.py test-kilted [pytest arguments]   what needs ROS 2 or a browser, on Kilted, `long` too
 """
 
 from __future__ import annotations

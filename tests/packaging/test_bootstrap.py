@@ -96,9 +96,7 @@ def test_other_ros_is_refused(bootstrap: ModuleType, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("sourced", ["jazzy", "kilted", "lyrical"])
-def test_a_sourced_ros_is_used(
-    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, sourced: str
-) -> None:
+def test_a_sourced_ros_is_used(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, sourced: str) -> None:
     monkeypatch.delenv("LUPIN_ROS", raising=False)
     monkeypatch.setenv("ROS_DISTRO", sourced)
     assert bootstrap.requested_mode() == "apt"
@@ -115,7 +113,7 @@ def test_a_sourced_ros_is_used(
         (
             {"LUPIN_ROS": "kilted", "ROS_DISTRO": "jazzy"},
             "\nThis shell has sourced ROS 2 jazzy, and LUPIN_ROS=kilted asks for Python wheels.\n"
-            "The two do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.\n",
+            "They do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.\n",
         ),
     ],
 )
