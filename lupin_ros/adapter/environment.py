@@ -50,14 +50,8 @@ def distribution() -> str:
     """Return the distribution of ROS 2 that is used here, such as `kilted`; '' where none is known."""
     if rclpy_source() == "apt":
         return os.environ.get("ROS_DISTRO", "")
-    return next((name for name in WHEELS if _is_installed(f"ros-{name}-rclpy")), "")
-
-
-def _is_installed(package: str) -> bool:
-    try:
-        return bool(importlib.metadata.version(package))
-    except importlib.metadata.PackageNotFoundError:
-        return False
+    here = (name for name in WHEELS if any(importlib.metadata.distributions(name=f"ros-{name}-rclpy")))
+    return next(here, "")
 
 
 def rclpy_problem() -> str:

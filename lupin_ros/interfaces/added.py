@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import UsageError, meant
-from lupin_ros.adapter.environment import distribution
 from lupin_ros.interfaces.package import (
     InterfacePackage,
     read_package,
@@ -147,7 +146,8 @@ def _bootstrap() -> Any:
         raise UsageError(f"interfaces are compiled with the checkout of Lupin engine; {file} is not there")
     module: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.DISTRIBUTION = distribution()
+    here = (name for name in module.WHEELS if any(metadata.distributions(name=f"ros-{name}-rclpy")))
+    module.DISTRIBUTION = next(here, "jazzy")
     return module
 
 
