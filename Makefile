@@ -1,21 +1,25 @@
 # A fresh machine needs git, make, Python 3.10 to 3.13, and a C and C++ compiler. No ROS.
 #
 #   PYTHON=/path/to/python3.12   the interpreter to use, when the environment is made
+#   LUPIN_ROS=kilted             the wheels of ROS 2 Kilted, in .venv-kilted; otherwise those of Jazzy, in .venv
 #   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test test-all audit mutants soak faults matrix docs environment environment-dev clean
+.PHONY: help run check test test-all test-kilted audit mutants soak faults matrix docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
-VENV_PYTHON := .venv/bin/python
-export PYTHON
+VENV = .venv$(addprefix -,$(filter-out jazzy,$(LUPIN_ROS)))
+VENV_PYTHON = $(VENV)/bin/python
+export PYTHON LUPIN_ROS
+test-kilted: LUPIN_ROS = kilted
 
 help:
 	@echo "make run     run the inspection mission in the simulated greenhouse, the robot ten times as fast"
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
 	@echo "make check   the linter, the type checker, and the quick tests that need no ROS (ARGS=\"...\" for pytest)"
 	@echo "make test    the same, the slower tests, and the core of those over ROS 2 and in a browser"
-	@echo "make test-all  all tests, the long ones too: before an issue is closed"
+	@echo "make test-all  all tests, the long ones too, and test-kilted: before an issue is closed"
+	@echo "make test-kilted  all that is over ROS 2 or in a browser, on ROS 2 Kilted"
 	@echo "make audit   whether something is known against the installed packages, or one was changed"
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
@@ -23,7 +27,7 @@ help:
 	@echo "make matrix  every source of motion with every stop, by real nodes: what moved, into the folder matrix"
 	@echo "             (ARGS=\"--source cmd_vel --stop stop_a\" for some, --defects plants some and looks for them)"
 	@echo "make docs    prove the shipped missions, and build the documentation as a site: open site/index.html"
-	@echo "make clean   remove .venv and all caches of this checkout"
+	@echo "make clean   remove .venv, .venv-kilted and all caches of this checkout"
 	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
 
 # What a run needs, and that with all that tests and documentation need. Both are the same .venv.
@@ -33,14 +37,15 @@ environment environment-dev:
 
 # All 29 tags take four minutes at the robot's own speed; a first look should not.
 run: environment
-	@.venv/bin/lupin run inspection $(or $(ARGS),--speed 10)
+	@$(VENV)/bin/lupin run inspection $(or $(ARGS),--speed 10)
 
 # Tests start hundreds of processes: modules compiled anew in each of them would double their time.
-check test test-all: export PYTHONDONTWRITEBYTECODE =
+check test test-all test-kilted: export PYTHONDONTWRITEBYTECODE =
 
 # Through the environment module, which completes the library path where ROS 2 came from apt.
-check test test-all: environment-dev
+check test test-all test-kilted: environment-dev
 	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
+	@$(if $(filter test-all,$@),$(MAKE) test-kilted)
 
 audit: environment-dev
 	@$(VENV_PYTHON) tools/audit.py
@@ -65,5 +70,5 @@ docs: environment-dev
 	@echo "open site/index.html"
 
 clean:
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis htmlcov .coverage
+	rm -rf .venv .venv-kilted .mypy_cache .pytest_cache .ruff_cache .hypothesis htmlcov .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

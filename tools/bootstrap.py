@@ -1,8 +1,9 @@
-"""Make `.venv`: the engine, its plugins, ROS 2 Jazzy and the interface packages, on a machine without ROS.
+"""Make `.venv`: the engine, its plugins, ROS 2 and the interface packages, on a machine without ROS.
 
 `bootstrap.py run` installs what a run needs, `bootstrap.py dev` also what tests need. Python 3.6 can read it:
 an old one gets a sentence. The stamp in `.venv` is written last and taken away first: without one, the
-environment is made anew. A ROS 2 Jazzy that has been sourced is used as it is.
+environment is made anew. A ROS 2 that has been sourced is used as it is; otherwise its wheels are installed:
+those of Jazzy, or with LUPIN_ROS=kilted those of Kilted, into `.venv-kilted`.
 """
 
 import ast
@@ -22,17 +23,27 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Sequence
 
 ROOT = Path(__file__).resolve().parent.parent
-VENV, VENV_LOG = ROOT / ".venv", Path(tempfile.gettempdir(), "lupin-venv.log")
+#: The ROS 2 that has wheels: the environment of each, and its extra of the engine.
+WHEELS = {"jazzy": (".venv", "ros"), "kilted": (".venv-kilted", "ros-kilted")}
+#: Whose wheels are meant. `lupin interfaces add` sets it to that of its own environment.
+DISTRIBUTION = os.environ.get("LUPIN_ROS") or "jazzy"
+#: What may have been sourced. Wheels are tested, these are not: docs/testing.md says what was run where.
+SOURCED = ("jazzy", "kilted", "lyrical")
+VENV = ROOT / WHEELS.get(DISTRIBUTION, WHEELS["jazzy"])[0]
+VENV_LOG = Path(tempfile.gettempdir(), "lupin-venv.log")
 STAMP, PYTHON = VENV / "bootstrap.json", str(VENV / "bin" / "python")
 LOG, INTERFACES_LOG = VENV / "bootstrap.log", VENV / "bootstrap-interfaces.log"
-#: What ROS 2 Jazzy's wheels exist for, best first: 3.12 is the Python of Jazzy itself.
+#: What the wheels of ROS 2 exist for, best first: 3.12 is the Python of Jazzy and Kilted themselves.
 VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
+#: What Jazzy compiles interfaces with and Kilted does not have, and what Kilted has instead.
+ONLY_JAZZY = ("ros-jazzy-fastrtps-cmake-module", "ros-jazzy-python-cmake-module")
+SINCE_KILTED = ["ros-kilted-ament-cmake-ros-core"]
 SUBSETS = ("nav2", "tf2", "control", "mirte")
 FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("lupin_engine", *SUBSETS))]
 SOURCES = ("lupin_msgs", "interfaces")
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
 #: What the verbs of the README need; the extra `ros` has the same and ROS 2.
-RUN_EXTRAS = {"wheels": "ros", "apt": "diagram,editor,hmi,record,sim"}
+RUN_EXTRAS = {"wheels": WHEELS.get(DISTRIBUTION, WHEELS["jazzy"])[1], "apt": "diagram,editor,hmi,record,sim"}
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
@@ -125,8 +136,9 @@ def probe(command: str, mode: str) -> Dict[str, Any]:
 def objection(facts: Dict[str, Any], mode: str) -> Optional[str]:
     """Why an interpreter cannot be used, or None."""
     minor = tuple(facts["version"][:2])
-    if minor not in VERSIONS:
-        return f"too {'old' if minor < (3, 10) else 'new'}, 3.10 to 3.13 will do"
+    last = 14 if mode == "apt" else 13  # 3.14 is the Python of Lyrical, and has no wheels
+    if not (3, 10) <= minor <= (3, last):
+        return f"too {'old' if minor < (3, 10) else 'new'}, 3.10 to 3.{last} will do"
     kind = "a free-threaded build" if facts["threaded"] else facts["implementation"]
     if kind != "CPython":
         return kind + " is not CPython as the wheels of ROS 2 need it"
@@ -160,12 +172,12 @@ def choose_python(mode: str) -> Dict[str, Any]:
 def check_platform(facts: Dict[str, Any]) -> None:
     """The wheels of ROS 2 exist for one kind of machine."""
     if facts["system"] != "Linux" or facts["machine"] not in ("x86_64", "AMD64") or facts["bits"] != 64:
-        what = "ROS 2 Jazzy has no Python wheels for {system} on {machine}.".format(**facts)
+        what = "ROS 2 has no Python wheels for {system} on {machine}.".format(**facts)
         raise Problem(what, "Install ROS 2 Jazzy with apt on Ubuntu 24.04 and source it: it is then used.")
     libc = re.match(r"glibc (\d+)\.(\d+)", facts["libc"])
     if libc is None or (int(libc.group(1)), int(libc.group(2))) < (2, 28):
         here = facts["libc"].strip() or "another libc"
-        raise Problem(f"The wheels of ROS 2 Jazzy need glibc 2.28 or newer; here it is {here}.")
+        raise Problem(f"The wheels of ROS 2 need glibc 2.28 or newer; here it is {here}.")
 
 
 def check_compiler(facts: Dict[str, Any]) -> None:
@@ -182,9 +194,15 @@ def check_compiler(facts: Dict[str, Any]) -> None:
 
 def requested_mode() -> str:
     """`apt` where a ROS 2 was sourced, else `wheels`."""
-    sourced = os.environ.get("ROS_DISTRO") or ""
-    if sourced not in ("", "jazzy"):
-        what = f"This shell has sourced ROS 2 {sourced}; Lupin needs Jazzy."
+    sourced, wanted = os.environ.get("ROS_DISTRO") or "", os.environ.get("LUPIN_ROS") or ""
+    if DISTRIBUTION not in WHEELS:
+        what = f"LUPIN_ROS is {DISTRIBUTION!r}: only {' and '.join(WHEELS)} have Python wheels."
+        raise Problem(what, "Use one of them, or unset LUPIN_ROS: for Jazzy, or for a ROS 2 that is sourced.")
+    if sourced and wanted:
+        what = f"This shell has sourced ROS 2 {sourced}, and LUPIN_ROS={wanted} asks for Python wheels."
+        raise Problem(what, "They do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.")
+    if sourced and sourced not in SOURCED:
+        what = f"This shell has sourced ROS 2 {sourced}; Lupin runs on {', '.join(SOURCED)}."
         raise Problem(what, "Run this in a shell without it: ROS 2 Jazzy then comes from Python wheels.")
     return "apt" if sourced else "wheels"
 
@@ -231,7 +249,8 @@ def must_start_afresh(finished: Dict[str, Any], wanted: Dict[str, Any]) -> bool:
     """Whether the environment cannot be brought up to date; without a wish, the interpreter stays."""
     mode = wanted["mode"]
     if finished.get("mode", mode) != mode:  # never only because a shell has, or has not, sourced ROS 2
-        what = f"This shell means ROS 2 from {mode}, but .venv was made with ROS 2 from {finished['mode']}."
+        made = f"{VENV.name} was made with ROS 2 from {finished['mode']}"
+        what = f"This shell means ROS 2 from {mode}, but {made}."
         raise Problem(what, "Use the other kind of shell, or `make clean` to begin anew.")
     return any(finished.get(k) != wanted[k] for k in ["root", "mode"] + ["python"] * bool(wanted["python"]))
 
@@ -284,6 +303,9 @@ def build_wheels(
         pip = [name + "/tools/bin/python", "-m", "pip"]
         needed = [*build_requirements(ROOT / "lupin_msgs" / "pyproject.toml"), "cmake>=3.24"]
         needed = [one for one in needed if mode == "wheels" or not one.startswith(("ros-", "catkin"))]
+        if DISTRIBUTION != "jazzy":
+            needed = [one.replace("jazzy", DISTRIBUTION) for one in needed if one not in ONLY_JAZZY]
+            needed += SINCE_KILTED
         run([*pip, "install", "--no-compile", *needed], mode, INTERFACES_LOG, "Installing the build tools")
         command = [*pip, "wheel", "-v", "--no-build-isolation", "--no-deps", "--wheel-dir", name + "/wheels"]
         command += [os.path.join(name, folder) for folder in folders]
@@ -323,12 +345,12 @@ def bring_up_to_date(purpose: str) -> None:
         check_platform(python)
     folders = missing_packages(python["executable"], mode) if "interfaces" in outdated else []
     cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "lupin-engine", "wheels")
-    wheels = cache / digest(ROOT, [], wanted["interfaces"], python["tag"], mode, *folders)[:24]
+    wheels = cache / digest(ROOT, [], wanted["interfaces"], python["tag"], mode, DISTRIBUTION, *folders)[:24]
     building = bool(folders) and not wheels.is_dir()
     if building:
         check_compiler(python)  # before minutes of downloads, not after them
     if afresh:
-        say("Making .venv with " + python["executable"])
+        say(f"Making {VENV.name} with {python['executable']}")
         shutil.rmtree(str(VENV), ignore_errors=True)
         make_venv(python["executable"], mode, VENV)
     if STAMP.exists():

@@ -3,6 +3,7 @@
 python tools/suite.py check [pytest arguments]   lint, types, and the quick tests, for which Python is enough
 python tools/suite.py test [pytest arguments]    these, `slow` ones, over ROS 2, in a browser; in CI the audit
 python tools/suite.py test-all                   these, and those marked `long`
+python tools/suite.py test-kilted [pytest arguments]   what needs ROS 2 or a browser, on Kilted, `long` too
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
+
+from lupin_ros.adapter.environment import distribution
 
 ROOT = Path(__file__).parents[1]
 #: With more workers each spends its time on imports.
@@ -40,7 +43,7 @@ BROWSER_TESTS = ["tests/console", "tests/lupin_ros/system/console"]
 _MARKED = re.compile(rf"\bmark\.({MORE.replace(' or ', '|')})\b")
 
 NO_TESTS = 5
-#: The commit at which all tests passed, long ones included; `make test-all` writes it.
+#: The commits at which all tests passed, long ones included: a line for each distribution of ROS 2.
 RECORD = ROOT / "tests" / "all-passed.txt"
 #: So many commits later, `make test` says that it is time for them.
 SOON = 50
@@ -94,9 +97,21 @@ def git(*words: str) -> str:
     return "" if done.returncode else done.stdout.strip()
 
 
+def recorded() -> dict[str, str]:
+    """Return by distribution the commit at which all tests passed, and its date."""
+    lines = RECORD.read_text("utf-8").splitlines() if RECORD.is_file() else []
+    return dict(line.split(maxsplit=1) for line in lines)
+
+
+def record() -> None:
+    """Note that all tests passed at this commit."""
+    now = recorded() | {distribution(): f"{git('rev-parse', 'HEAD')} {git('log', '-1', '--format=%cs')}"}
+    RECORD.write_text("".join(f"{name} {said}\n" for name, said in sorted(now.items())), "utf-8")
+
+
 def long_ago() -> str:
     """Say that the long tests ran many commits ago; '' where they did not."""
-    commit = RECORD.read_text("utf-8").split()[0] if RECORD.is_file() else ""
+    commit = recorded().get("jazzy", "").partition(" ")[0]
     count = git("rev-list", "--count", f"{commit}..HEAD") if commit else ""
     if count and int(count) <= SOON:
         return ""
@@ -106,21 +121,27 @@ def long_ago() -> str:
 
 def main() -> int:
     """Run the parts, lint and types beside the quick tests; fail if any of them does."""
-    if sys.argv[1:2] not in (["check"], ["test"], ["test-all"]):
+    mode = "".join(sys.argv[1:2])
+    if mode not in ("check", "test", "test-all", "test-kilted"):
         print(__doc__, file=sys.stderr)
         return 2
-    is_all, is_check = sys.argv[1] == "test-all", sys.argv[1] == "check"
+    is_check, is_kilted, is_all = mode == "check", mode == "test-kilted", mode.startswith("test-")
+    if is_kilted and distribution() != "kilted":
+        print("this is not ROS 2 Kilted: make test-kilted makes an environment with it", file=sys.stderr)
+        return 2
     given = [*(["--color=yes"] if sys.stdout.isatty() else []), *sys.argv[2:]]
-    beside = [start("lint", LINT), start("types", TYPES)]
-    if not is_check and os.environ.get("CI"):
+    beside = [] if is_kilted else [start("lint", LINT), start("types", TYPES)]
+    if beside and not is_check and os.environ.get("CI"):
         beside.append(start("audit", AUDIT))
     readers = [threading.Thread(target=part.read, args=(None,)) for part in beside]
     for reader in readers:
         reader.start()
     long = "" if is_all else " and not long"
     slow = " and not slow" if is_check else ""
-    tests = [start("quick tests", [*QUICK, "-m", f"not ({MORE}){long}{slow}", *given])]
-    tests[0].read(sys.stdout)
+    quick = [*QUICK, "-m", f"not ({MORE}){long}{slow}", *given]
+    tests = [] if is_kilted else [start("quick tests", quick)]
+    for part in tests:
+        part.read(sys.stdout)
     for reader in readers:
         reader.join()
     for part in beside:
@@ -129,14 +150,15 @@ def main() -> int:
     if not is_check:
         named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
         browser = [*BROWSER, "-m", f"browser{long}", *given, *([] if named else BROWSER_TESTS)]
-        kept = f"({MORE}) and not browser{long}"
+        kept = f"({'ros' if is_kilted else MORE}) and not browser{long}"
         ros = [*ROS, "-m", kept, *given, *([] if named else ["tests/lupin_ros", *marked_files()])]
-        tests += [start("ROS tests", ros), start("browser", browser)]
-        pages = threading.Thread(target=tests[2].read, args=(None,))
+        nodes, console = start("ROS tests", ros), start("browser", browser)
+        pages = threading.Thread(target=console.read, args=(None,))
         pages.start()
-        tests[1].read(sys.stdout)
+        nodes.read(sys.stdout)
         pages.join()
-        print(*tests[2].lines, sep="\n")
+        print(*console.lines, sep="\n")
+        tests += [nodes, console]
     print("\nTime by part")
     for part in [*beside, *tests]:
         print(f"{part.name:12} {part.seconds:6.1f} s   {part.closing.strip(' =')}")
@@ -145,7 +167,7 @@ def main() -> int:
     ran = [code for code in codes if code != NO_TESTS] or codes
     failed = max(map(abs, [*ran, *(part.process.returncode for part in beside)]))
     if is_all and not failed and not sys.argv[2:]:
-        RECORD.write_text(f"{git('rev-parse', 'HEAD')} {git('log', '-1', '--format=%cs')}\n", "utf-8")
+        record()
     elif not is_all and (advice := long_ago()):
         print(advice, flush=True)
     return failed

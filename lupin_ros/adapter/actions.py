@@ -281,7 +281,7 @@ class Goal:
         self._report.feedback(self._caller.ros.frames.incoming(message.feedback))
 
     def _ask_result(self) -> None:
-        future = self._client._get_result_async(self._handle)
+        future = self._handle.get_result_async()
         future.add_done_callback(self._caller.ros.guarded(self._on_result))
 
     def _on_result(self, future: Future) -> None:

@@ -11,6 +11,7 @@ the wheels, handed over through the variables that sourcing sets.
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import importlib.util
 import os
 import sys
@@ -28,6 +29,9 @@ LIBRARIES = "LD_LIBRARY_PATH"
 #: Set for the process that `prepare` starts anew, so that it can happen once only.
 RESTARTED = "_LUPIN_ROS_ENVIRONMENT"
 
+#: The distributions whose wheels the extras `ros` and `ros-kilted` install.
+WHEELS = ("jazzy", "kilted")
+
 PACKAGE_MARKERS = Path("share", "ament_index", "resource_index", "packages")
 
 
@@ -43,9 +47,11 @@ def rclpy_source() -> RclpySource | None:
 
 
 def distribution() -> str:
-    """Return the name of the ROS 2 distribution, such as `jazzy`; '' where nothing says it."""
-    wheels = Path(sysconfig.get_path("platlib")).glob("ros_*_rclpy-*.dist-info")
-    return os.environ.get("ROS_DISTRO") or next((wheel.name.split("_")[1] for wheel in wheels), "")
+    """Return the distribution of ROS 2 that is used here, such as `kilted`; '' where none is known."""
+    if rclpy_source() == "apt":
+        return os.environ.get("ROS_DISTRO", "")
+    here = (name for name in WHEELS if any(importlib.metadata.distributions(name=f"ros-{name}-rclpy")))
+    return next(here, "")
 
 
 def rclpy_problem() -> str:

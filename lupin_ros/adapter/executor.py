@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 #: The greatest age of a request, in seconds (None: any), or a function of the request and its sending time,
 #: in POSIX time, that returns its age where it is too old.
 StaleAfter = float | None | Callable[[Any, float], float | None]
+#: Whether a task that has yielded is resumed by what it waits for, as from rclpy 7.1.9 of Jazzy on and in
+#: Lyrical. Otherwise it is called at every turn until it is done.
+TASKS_RESUME = hasattr(SingleThreadedExecutor, "_call_task_in_next_spin")
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,6 @@ class Executor(SingleThreadedExecutor):
     timestamp.
     """
 
-    _tasks: list[Any]
-
     def __init__(self, context: Context, log: FilteringBoundLogger) -> None:
         super().__init__(context=context)
         self._log = log
@@ -89,6 +90,8 @@ class Executor(SingleThreadedExecutor):
         self._is_waiting = self._has_changed = self._has_taken_up = False
         #: Ready entities, each with the method that takes its data, and tasks.
         self._work: deque[tuple[Any, Callable[[Any], Any]] | Task] = deque()
+        #: Tasks for the next turn. rclpy's own collections of them are other ones in other versions.
+        self._queued: deque[Task] = deque()
         self._takes = {
             "timer": self._take_timer,
             "subscription": self._take_subscription,
@@ -103,6 +106,17 @@ class Executor(SingleThreadedExecutor):
             self._has_changed = True
         else:
             self._release()
+        super().wake()
+
+    def create_task(self, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Task:
+        """Queue a call; it may be a coroutine's."""
+        task = Task(callback, args, kwargs, executor=self)
+        self._call_task_in_next_spin(task)
+        return task
+
+    def _call_task_in_next_spin(self, task: Task) -> None:
+        """Queue a task: the name by which those of newer versions of rclpy do it themselves."""
+        self._queued.append(task)
         super().wake()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
@@ -135,6 +149,8 @@ class Executor(SingleThreadedExecutor):
                 work()
                 if work.done():
                     work.result()
+                elif not TASKS_RESUME:
+                    self._queued.append(work)
                 return True
             entity, take = work
             if self._is_due(entity):
@@ -152,13 +168,11 @@ class Executor(SingleThreadedExecutor):
                 callback().send(None)
 
     def _takes_up_tasks(self) -> bool:
-        """Queue each task once between two waits, the newest first, as rclpy does; return if there is any."""
+        """Take up each queued task once between two waits, the oldest first; return if there is any."""
         if self._has_taken_up:
             return False
-        with self._tasks_lock:
-            tasks = [each for each in self._tasks if not each[0].done() and not each[0].cancelled()]
-            self._tasks = tasks
-            self._work += [task for task, *_ in reversed(tasks)]
+        tasks = [self._queued.popleft() for _ in range(len(self._queued))]
+        self._work += [task for task in tasks if not task.done() and not task.cancelled()]
         self._has_taken_up = True
         return bool(self._work)
 
@@ -200,13 +214,13 @@ class Executor(SingleThreadedExecutor):
             self._kinds_waited_for = kinds
             *entities, waitables = ([e for e in those if self._may(e)] for those in self._entities())
             waitables = [each for each in waitables if events or not isinstance(each, EventHandler)]
-            self._wait_set = WaitSet(self._context, entities, waitables, (self._guard, self._sigint_gc))
+            self._wait_set = WaitSet(self.context, entities, waitables, (self._guard, self._sigint_gc))
         waited, self._is_waiting = self._wait_set, True
         try:
             waited.wait(nanoseconds)
         finally:
             self._is_waiting = False
-        if not self._context.ok():
+        if not self.context.ok():
             raise ExternalShutdownException
         self._work += [(each, self._take_waitable) for each in waited.ready_waitables()]
         for kind, take in self._takes.items():

@@ -118,7 +118,7 @@ def _finding_text(channel: str, mine: Any, peer: Any) -> str:
     return (
         f"{_ros_name(channel)}: node {node_name(peer)} uses another definition: "
         f"here {type_name(mine)} {mine.topic_type_hash}, there {type_name(peer)} {peer.topic_type_hash}; "
-        "build both sides from the same interface packages"
+        "build both sides from the same interface packages, and the same distribution of ROS 2"
     )
 
 

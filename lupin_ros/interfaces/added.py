@@ -144,8 +144,10 @@ def _bootstrap() -> Any:
     spec = importlib.util.spec_from_file_location("lupin_bootstrap", file) if file.is_file() else None
     if spec is None or spec.loader is None:
         raise UsageError(f"interfaces are compiled with the checkout of Lupin engine; {file} is not there")
-    module = importlib.util.module_from_spec(spec)
+    module: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    here = (name for name in module.WHEELS if any(metadata.distributions(name=f"ros-{name}-rclpy")))
+    module.DISTRIBUTION = next(here, "jazzy")
     return module
 
 

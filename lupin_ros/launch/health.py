@@ -58,7 +58,7 @@ from lupin_ros.service.names import COMMAND_HASH, COMMAND_TYPE
 
 State = Literal["ok", "note", "problem"]
 
-#: Python versions that there are ROS wheels for.
+#: The Python versions that there are ROS wheels for; an apt ROS 2 may have the one after them.
 OLDEST_PYTHON, FIRST_TOO_NEW = (3, 10), (3, 14)
 
 RIHS = "RIHS01_"
@@ -104,7 +104,8 @@ def usable(findings: Sequence[Finding]) -> bool:
 
 def look_at_python() -> Iterator[Finding]:
     """Check the Python version and the platform; name this package's version."""
-    fits = OLDEST_PYTHON <= sys.version_info[:2] < FIRST_TOO_NEW
+    newest = (3, 15) if environment.rclpy_source() == "apt" else FIRST_TOO_NEW
+    fits = OLDEST_PYTHON <= sys.version_info[:2] < newest
     advice = "" if fits else "use Python 3.10 to 3.13 (`make PYTHON=/path/to/python3.12 ...`)"
     found = f"{platform.python_version()} in {sys.prefix}"
     yield Finding("Python", found, "ok" if fits else "problem", advice)
@@ -136,7 +137,7 @@ def look_at_ros() -> Iterator[Finding]:
         )
         yield Finding("middleware", os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp, the default"))
         return
-    yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels")
+    yield Finding("rclpy", f"{_version('ros-rclpy')} from wheels of {environment.distribution().title()}")
     yield from _wheels_middleware()
 
 
@@ -166,11 +167,14 @@ def look_at_interfaces() -> Iterator[Finding]:
             continue
         if found == expected:
             yield Finding(name, f"{RIHS}{found[:12]}…")
-        else:
-            advice = (
-                f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
-            )
-            yield Finding(name, f"{RIHS}{found[:12]}…", "problem", advice)
+            continue
+        advice = f"expected {RIHS}{expected[:12]}…: another version of the package is in the way; rebuild it"
+        here = environment.distribution()
+        state: State = "problem"
+        if here and here not in environment.WHEELS and not name.startswith("lupin_"):
+            advice = f"Jazzy and Kilted have {RIHS}{expected[:12]}…: use it with nodes of {here.title()} only"
+            state = "note"
+        yield Finding(name, f"{RIHS}{found[:12]}…", state, advice)
 
 
 def look_at_network() -> Iterator[Finding]:

@@ -12,7 +12,8 @@ from pathlib import Path
 
 FOLDER = Path("/dev/shm")
 PROCESSES = Path("/proc")
-PREFIX = "fastrtps_"
+#: Of Fast DDS 2 (Jazzy) and 3.
+PREFIXES = ("fastrtps_", "fastdds_")
 #: The semaphore beside a segment carries its name between these.
 SEMAPHORE = ("sem.", "_mutex")
 
@@ -48,7 +49,7 @@ def remove(names: Iterable[str], folder: Path = FOLDER, processes: Path = PROCES
 
 def _files(folder: Path) -> Iterator[Path]:
     if folder.is_dir():
-        yield from sorted(f for f in folder.iterdir() if _segment(f.name).startswith(PREFIX))
+        yield from sorted(f for f in folder.iterdir() if _segment(f.name).startswith(PREFIXES))
 
 
 def _segment(name: str) -> str:
@@ -72,4 +73,4 @@ def _mapped(maps: Path) -> set[str] | None:
     marker = f"{FOLDER}/"
     files = (line.partition(marker)[2] for line in text.splitlines() if marker in line)
     names = {_segment(file.removesuffix(" (deleted)")) for file in files}
-    return {name for name in names if name.startswith(PREFIX)}
+    return {name for name in names if name.startswith(PREFIXES)}

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from lupin_ros.adapter.environment import WHEELS
 from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +56,16 @@ def test_objection_to_an_interpreter(
     assert found is None if reason is None else re.search(reason, found)
 
 
+def test_the_python_of_lyrical_is_for_a_sourced_ros_only(
+    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bootstrap, "answer", lambda *_: "")
+    facts = {**GOOD, "version": [3, 14, 0]}
+    assert bootstrap.objection(facts, "wheels") == "too new, 3.10 to 3.13 will do"
+    assert bootstrap.objection(facts, "apt") is None
+    assert bootstrap.objection({**GOOD, "version": [3, 15, 0]}, "apt") == "too new, 3.10 to 3.14 will do"
+
+
 @pytest.mark.parametrize(
     ("facts", "what"),
     [
@@ -80,8 +91,54 @@ def test_no_compiler(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_other_ros_is_refused(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DISTRO", "humble")
-    with pytest.raises(bootstrap.Problem, match="humble"):
+    with pytest.raises(bootstrap.Problem, match="humble; Lupin runs on jazzy, kilted, lyrical"):
         bootstrap.requested_mode()
+
+
+@pytest.mark.parametrize("sourced", ["jazzy", "kilted", "lyrical"])
+def test_a_sourced_ros_is_used(bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, sourced: str) -> None:
+    monkeypatch.delenv("LUPIN_ROS", raising=False)
+    monkeypatch.setenv("ROS_DISTRO", sourced)
+    assert bootstrap.requested_mode() == "apt"
+
+
+@pytest.mark.parametrize(
+    ("variables", "told"),
+    [
+        (
+            {"LUPIN_ROS": "foo"},
+            "\nLUPIN_ROS is 'foo': only jazzy and kilted have Python wheels.\n"
+            "Use one of them, or unset LUPIN_ROS: for Jazzy, or for a ROS 2 that is sourced.\n",
+        ),
+        (
+            {"LUPIN_ROS": "kilted", "ROS_DISTRO": "jazzy"},
+            "\nThis shell has sourced ROS 2 jazzy, and LUPIN_ROS=kilted asks for Python wheels.\n"
+            "They do not mix: unset LUPIN_ROS, or use a shell in which no ROS 2 is sourced.\n",
+        ),
+    ],
+)
+def test_a_distribution_that_cannot_be_had_is_told_before_anything_is_installed(
+    variables: dict[str, str], told: str
+) -> None:
+    run = subprocess.run(
+        ["make", "environment"], env={**os.environ, **variables}, cwd=ROOT, capture_output=True, text=True
+    )
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith(told)
+    assert not (ROOT / ".venv-foo").exists()
+
+
+def test_each_distribution_has_an_environment_and_the_same_packages(bootstrap: ModuleType) -> None:
+    """Never under the bare names, whose newest versions are of one distribution only."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    packages = {}
+    for name, (_, extra) in bootstrap.WHEELS.items():
+        listed = text.partition(f"\n{extra} = [\n")[2].partition("\n]")[0]
+        packages[name] = re.findall(rf'"ros-{name}-([a-z-]+)', listed)
+        assert listed.count('"ros-') == len(packages[name]) > 10
+    assert packages["kilted"] == packages["jazzy"]
+    assert len({folder for folder, _ in bootstrap.WHEELS.values()}) == len(bootstrap.WHEELS)
+    assert tuple(bootstrap.WHEELS) == WHEELS
 
 
 @pytest.mark.parametrize(("before", "now"), [("wheels", "apt"), ("apt", "wheels")])

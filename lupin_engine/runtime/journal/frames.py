@@ -62,7 +62,7 @@ def read_frames(data: bytes) -> FrameScan:
 
 
 def _is_one_bit_off(begin: bytes) -> bool:
-    return (int.from_bytes(begin) ^ int.from_bytes(MAGIC)).bit_count() == 1
+    return (int.from_bytes(begin, "big") ^ int.from_bytes(MAGIC, "big")).bit_count() == 1
 
 
 def _content(data: bytes, at: int) -> bytes | None:

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from lupin_ros.adapter.environment import distribution
+
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 CLOSED = "LOCALHOST"
-#: The variables that name a profile, the one that counts first.
-VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_OLD, _NEW = "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"
 
 #: Seconds after which Fast DDS forgets a participant that is silent, and between two words of one, where the
 #: profile does not say.
@@ -37,9 +38,17 @@ def is_closed() -> bool:
     return os.environ.get(RANGE) in ("", None, CLOSED)
 
 
+def variables() -> tuple[str, ...]:
+    """Return the variables that the middleware reads, the one that counts first: Fast DDS 3 has renamed it.
+
+    One that it does not read would leave the network open.
+    """
+    return {"jazzy": (_OLD,), "kilted": (_NEW, _OLD)}.get(distribution() or "jazzy", (_NEW,))
+
+
 def users_profile() -> str:
     """Return the file that the user has named; '' where ours counts."""
-    given = (os.environ.get(name, "") for name in VARIABLES)
+    given = (os.environ.get(name, "") for name in variables())
     return next((file for file in given if file and Path(file) not in (THIS_MACHINE, OPEN)), "")
 
 
@@ -50,7 +59,7 @@ def use_profile() -> None:
     """
     close_the_range()
     if not users_profile():
-        os.environ[VARIABLES[0]] = str(THIS_MACHINE if is_closed() else OPEN)
+        os.environ[variables()[0]] = str(THIS_MACHINE if is_closed() else OPEN)
 
 
 def forgotten_after() -> float:
@@ -62,7 +71,7 @@ def forgotten_after() -> float:
     lease, announcement = LEASE_S, ANNOUNCEMENT_S
     # What cannot be read Fast DDS ignores, too.
     with contextlib.suppress(OSError, KeyError, ValueError, ElementTree.ParseError):
-        profile = ElementTree.parse(users_profile() or os.environ[VARIABLES[0]])
+        profile = ElementTree.parse(users_profile() or os.environ[variables()[0]])
         lease = _seconds(profile, "leaseDuration", lease)
         announcement = _seconds(profile, "leaseAnnouncement", announcement)
     return max(lease - 1.5 * announcement, 0.5 * lease)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future, Task
 from std_msgs.msg import String
 
 from lupin_ros.adapter.node import Qos, RosNode
@@ -67,3 +68,37 @@ def test_a_publisher_that_does_not_fit_is_told(ros: RosNode, capfd: pytest.Captu
         return "incompatible QoS" in "".join(said)
 
     spin_until([ros], is_told, what="the warning")
+
+
+def test_a_coroutine_goes_on_when_what_it_waits_for_is_there(ros: RosNode) -> None:
+    """On every rclpy: 7.1.5 calls it at every turn, 7.1.9 when the future is done."""
+    executor, done = ros.node.executor, list[str]()
+    awaited = Future(executor=executor)
+
+    async def wait() -> None:
+        done.append(await awaited)
+
+    task = executor.create_task(wait)
+    spin_for([ros], 0.1)
+    assert not task.done()
+    ros.call_later(0.0, lambda: awaited.set_result("there"))
+    spin_until([ros], task.done, what="the coroutine")
+    assert done == ["there"]
+
+
+@pytest.mark.parametrize(("resume", "calls"), [(True, 1), (False, 3)])
+def test_a_task_that_is_resumed_is_not_called_at_every_turn(
+    ros: RosNode, monkeypatch: pytest.MonkeyPatch, resume: bool, calls: int
+) -> None:
+    """A coroutine of newer versions would register its callback again each time."""
+    monkeypatch.setattr("lupin_ros.adapter.executor.TASKS_RESUME", resume)
+    executor, called = ros.node.executor, list[Task]()
+    monkeypatch.setattr(Task, "__call__", lambda task: called.append(task))
+    task = executor.create_task(lambda: None)
+    for _ in range(3):
+        executor.wake()
+        ros.spin_once(0.1)
+    assert called.count(task) == calls
+    executor._call_task_in_next_spin(task)
+    ros.spin_once(0.1)
+    assert called.count(task) == calls + 1

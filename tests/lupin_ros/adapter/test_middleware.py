@@ -28,7 +28,8 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
-from lupin_ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile
+from lupin_ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile, variables
+from lupin_ros.adapter.environment import distribution
 from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import (
     ActionCaller,
@@ -786,18 +787,31 @@ def test_a_second_server_of_an_action_is_named(make_node: MakeNode) -> None:
 
 
 def test_the_users_discovery_profile_wins(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE", raising=False)
-    monkeypatch.delenv(RANGE)
+    read = variables()
+    for name in (*read, RANGE):
+        monkeypatch.delenv(name, raising=False)
     use_profile()
-    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(THIS_MACHINE)
+    assert os.environ[read[0]] == str(THIS_MACHINE)
     assert os.environ[RANGE] == "LOCALHOST"
     monkeypatch.setenv(RANGE, "SUBNET")
     use_profile()  # ours of before is no user's
-    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(OPEN)
-    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
-    monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", __file__)
+    assert os.environ[read[0]] == str(OPEN)
+    monkeypatch.delenv(read[0])
+    monkeypatch.setenv(read[-1], __file__)
     make_node("second")
-    assert "FASTRTPS_DEFAULT_PROFILES_FILE" not in os.environ
+    assert os.environ.get(read[0], "") == (__file__ if len(read) == 1 else "")
+
+
+@pytest.mark.parametrize(
+    ("here", "read"), [("", "FASTRTPS"), ("jazzy", "FASTRTPS"), ("kilted", "FASTDDS"), ("lyrical", "FASTDDS")]
+)
+def test_the_variable_is_the_one_that_the_middleware_reads(
+    monkeypatch: pytest.MonkeyPatch, here: str, read: str
+) -> None:
+    """One of another version is no user's profile: it would count nowhere, and nothing would be closed."""
+    monkeypatch.setattr("lupin_ros.adapter.dds.profile.distribution", lambda: here)
+    assert variables()[0] == f"{read}_DEFAULT_PROFILES_FILE"
+    assert len(variables()) == 1 + (here == "kilted")
 
 
 def test_both_profiles_discover_alike() -> None:
@@ -810,7 +824,8 @@ def test_both_profiles_discover_alike() -> None:
 @pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
 def test_what_the_middleware_complains_of_is_no_line_of_our_output(reach: str, ros_domain: int) -> None:
     """Otherwise it stands among the lines of JSON of `lupin run --json`."""
-    port = Path(f"/dev/shm/fastrtps_port{7411 + 250 * ros_domain}")  # of the first participant of a domain
+    name = "fastrtps" if distribution() == "jazzy" else "fastdds"
+    port = Path(f"/dev/shm/{name}_port{7411 + 250 * ros_domain}")  # of the first participant of a domain
     port.unlink(missing_ok=True)  # a process that was killed may have left it
     program = "from lupin_ros.adapter.node import RosNode; RosNode('alone').close()"
     command, environment = [sys.executable, "-c", program], {**os.environ, RANGE: reach}

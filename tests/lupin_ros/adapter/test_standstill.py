@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_ros.adapter.dds.profile import RANGE, VARIABLES, forgotten_after, use_profile
+from lupin_ros.adapter.dds.profile import RANGE, forgotten_after, use_profile, variables
 from lupin_ros.adapter.process import standstill_calls
 
 #: Is stopped by itself, and let go on by a child of its own.
@@ -82,14 +82,14 @@ def test_how_long_others_remember_is_in_the_profile(
     profile: str, seconds: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "own.xml").write_text(profile)
-    monkeypatch.setenv(VARIABLES[0], str(tmp_path / "own.xml"))
+    monkeypatch.setenv(variables()[0], str(tmp_path / "own.xml"))
     assert forgotten_after() == seconds
 
 
 @pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
 def test_ours_remember_for_two_seconds_and_a_quarter(reach: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(RANGE, reach)
-    for name in VARIABLES:
+    for name in variables():
         monkeypatch.setenv(name, "")
     use_profile()
     assert forgotten_after() == 2.25

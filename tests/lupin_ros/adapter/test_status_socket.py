@@ -15,6 +15,7 @@ import pytest
 
 from lupin_harness.domains import claimed_domain
 from lupin_ros.adapter import status_socket
+from lupin_ros.adapter.dds.profile import variables
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.status_socket import StatusSocket, read_status
 
@@ -70,7 +71,7 @@ def test_a_reader_gets_it_all_and_again(host: Any) -> None:
         ("ROS_DISCOVERY_SERVER", "127.0.0.1:11811"),
         ("RMW_IMPLEMENTATION", "rmw_other"),
         ("ROS_SECURITY_ENABLE", "true"),
-        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/mine.xml"),
+        (variables()[0], "/mine.xml"),
     ],
 )
 def test_another_network_is_not_this_one(

@@ -26,7 +26,7 @@ def machine(tmp_path: Path) -> tuple[Path, Path]:
     """Shared memory with two segments and their companions, and a process that maps the first."""
     memory, processes = tmp_path / "shm", tmp_path / "proc"
     memory.mkdir()
-    for name in ("fastrtps_aa", "fastrtps_aa_el", "fastrtps_bb", "sem.fastrtps_bb_mutex", "other"):
+    for name in ("fastrtps_aa", "fastrtps_aa_el", "fastdds_bb", "sem.fastdds_bb_mutex", "other"):
         (memory / name).touch()
     (processes / "7").mkdir(parents=True)
     (processes / "7" / "maps").write_text(
@@ -40,7 +40,7 @@ def test_a_segment_that_nobody_maps_is_stale(machine: tuple[Path, Path]) -> None
     """With what belongs to it; other programs' memory is not looked at."""
     memory, processes = machine
     stale = [file.name for file in shared_memory.stale_segments(memory, processes)]
-    assert stale == ["fastrtps_bb", "sem.fastrtps_bb_mutex"]
+    assert stale == ["fastdds_bb", "sem.fastdds_bb_mutex"]
     assert shared_memory.segments_of(7, processes) == {"fastrtps_aa"}
     assert shared_memory.segments_of(8, processes) == set()
 
@@ -48,8 +48,8 @@ def test_a_segment_that_nobody_maps_is_stale(machine: tuple[Path, Path]) -> None
 def test_only_what_is_stale_is_removed(machine: tuple[Path, Path]) -> None:
     """A port that a dead process shared with a living one stays."""
     memory, processes = machine
-    gone = shared_memory.remove({"fastrtps_aa", "fastrtps_bb"}, memory, processes)
-    assert gone == ["fastrtps_bb", "sem.fastrtps_bb_mutex"]
+    gone = shared_memory.remove({"fastrtps_aa", "fastdds_bb"}, memory, processes)
+    assert gone == ["fastdds_bb", "sem.fastdds_bb_mutex"]
     assert (memory / "fastrtps_aa_el").exists()
 
 

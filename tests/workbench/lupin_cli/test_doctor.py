@@ -15,7 +15,7 @@ from lupin_engine import __version__
 from lupin_engine.plugin.discovery import EntryPoint
 from lupin_greenhouse.profile import HASHES
 from lupin_ros.adapter import environment
-from lupin_ros.adapter.dds.profile import VARIABLES
+from lupin_ros.adapter.dds.profile import variables
 from lupin_ros.launch import health
 from lupin_ros.launch.environment import open_to
 from lupin_ros.launch.health import RIHS, Finding
@@ -81,7 +81,7 @@ def test_a_ros_that_was_not_sourced_is_told_so(
             "ROS_AUTOMATIC_DISCOVERY_RANGE",
             "use one of SUBNET, LOCALHOST",
         ),
-        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/absent.xml", "DDS profile", "there is no such file"),
+        (variables()[0], "/absent.xml", "DDS profile", "there is no such file"),
         (
             "ROS_STATIC_PEERS",
             "robot.local",
@@ -114,7 +114,7 @@ def test_the_network_settings_are_judged(
             ),
         ),
         (
-            {"FASTDDS_DEFAULT_PROFILES_FILE": "/etc/dds.xml"},
+            {variables()[0]: "/etc/dds.xml"},
             (
                 "others, too",
                 "note",
@@ -127,7 +127,7 @@ def test_it_says_to_whom_the_robot_is_open(
     monkeypatch: pytest.MonkeyPatch, shell: dict[str, str], told: tuple[str, str, str]
 ) -> None:
     """And whether anything that runs already listens to other computers."""
-    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *variables()):
         monkeypatch.delenv(name, raising=False)
     for name, value in shell.items():
         monkeypatch.setenv(name, value)
@@ -190,7 +190,7 @@ def test_in_no_domain_nobody_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_another_middleware_is_not_closed_by_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there can be one: with an apt ROS 2."""
-    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *variables()):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
     assert open_to() == ""
@@ -207,6 +207,17 @@ def test_another_definition_of_a_message_is_a_problem(monkeypatch: pytest.Monkey
     found = list(health.look_at_interfaces())
     assert {f.state for f in found} == {"problem"}
     assert found[0].advice.startswith(f"expected {RIHS}{HASHES['lupin_msgs/srv/StartMission'][:12]}…")
+
+
+def test_a_later_distribution_may_have_another_definition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of Nav2's action, as Lyrical has; never of ours."""
+    monkeypatch.setattr(health, "local_hash", lambda name: f"{RIHS}{'0' * 64}")
+    monkeypatch.setattr(environment, "distribution", lambda: "lyrical")
+    found = {each.topic: each for each in health.look_at_interfaces()}
+    assert found["lupin_msgs/srv/StartMission"].state == "problem"
+    drive = found["nav2_msgs/action/NavigateToPose"]
+    assert drive.state == "note"
+    assert drive.advice == "Jazzy and Kilted have RIHS01_a56dba8a3234…: use it with nodes of Lyrical only"
 
 
 def test_left_overs_are_told_with_the_way_to_remove_them(

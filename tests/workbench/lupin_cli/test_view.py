@@ -13,10 +13,11 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.plugin.profile import TargetResult
 from lupin_greenhouse.messages import read_state
 from lupin_greenhouse.profile import PROFILE
-from lupin_ros.adapter.network import Interface
 from lupin_ros.launch.monitor import RunMonitor
 from tests import shipped
 from tests.lupin_ros.launch.messages import MISSION_ID, observation, state, step
+
+Interface = pytest.importorskip("lupin_ros.adapter.network", reason="ROS 2 is not installed here").Interface
 
 MISSION = "MISSION.InspectionMission"
 INSPECTING = f"{MISSION}.INSPECTING"

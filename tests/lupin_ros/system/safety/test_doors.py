@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_ros.adapter.dds.profile import RANGE, VARIABLES
+from lupin_ros.adapter.dds.profile import RANGE, variables
 from tests.lupin_ros.computers import ADDRESSES, Computers, NoComputers, connected
 from tests.lupin_ros.world import PATIENCE, World
 
@@ -37,7 +37,7 @@ def computers() -> Iterator[Computers]:
 def stranger(computers: Computers, number: int, seconds: float, **shell: str) -> str:
     """Look around from one of the computers, and return what the stranger was told."""
     environment = {**os.environ, RANGE: "SUBNET", **shell}
-    environment.pop(VARIABLES[0], None)
+    environment.pop(variables()[0], None)
     line = computers.on(number, sys.executable, str(STRANGER), str(seconds))
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=PATIENCE + seconds)
     assert done.returncode == 0, done.stderr
@@ -47,7 +47,7 @@ def stranger(computers: Computers, number: int, seconds: float, **shell: str) ->
 def orchestrator(world: World, computers: Computers, doors: str) -> None:
     """Start the orchestrator on our computer, with nothing said about the doors or with what is said."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.delenv(VARIABLES[0], raising=False)
+        patch.delenv(variables()[0], raising=False)
         patch.setenv(RANGE, doors)
         lupin = str(Path(sys.executable).with_name("lupin"))
         world.run("mission_orchestrator", computers.on(0, lupin, "node", "mission_orchestrator"))
