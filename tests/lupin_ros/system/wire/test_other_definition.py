@@ -16,7 +16,7 @@ from lupin_ros.adapter.actions import GoalCallbacks
 from lupin_ros.adapter.environment import distribution
 from lupin_ros.adapter.node import RosNode, peer_mismatches
 from lupin_ros.interfaces.type_hashes import local_hash
-from tests.lupin_ros.helpers import spin_until
+from tests.lupin_ros.helpers import spin_for, spin_until
 from tests.tools import load_tool
 
 pytestmark = [pytest.mark.ros, pytest.mark.long, pytest.mark.timeout(900)]
@@ -68,21 +68,26 @@ def other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> I
 
 
 @pytest.mark.usefixtures("other")
-def test_it_is_told_by_name_and_the_drive_goes_on(capfd: pytest.CaptureFixture[str]) -> None:
-    """Only the feedback differs; what comes first in it is read."""
+def test_it_is_told_by_name(capfd: pytest.CaptureFixture[str]) -> None:
+    """Only the feedback differs: on Jazzy its beginning is read, on Kilted the two do not match."""
     heard: list[object] = []
     with RosNode("mission_orchestrator") as ros:
         caller = ros.action(NavigateToPose, "navigate_to_pose")
-        spin_until([ros], lambda: caller.ready() and peer_mismatches(ros), what="the server")
+        spin_until([ros], lambda: peer_mismatches(ros), what="the server")
         (told,) = peer_mismatches(ros)
-        caller.send(
-            NavigateToPose.Goal(),
-            GoalCallbacks(
-                feedback=lambda message: heard.append(message.distance_remaining),
-                ended=lambda status, result: heard.append((status, result.error_msg)),
-            ),
-        )
-        spin_until([ros], lambda: len(heard) == 2, what="feedback and result")
+        if distribution() == "jazzy":
+            spin_until([ros], caller.ready, what="the server")
+            caller.send(
+                NavigateToPose.Goal(),
+                GoalCallbacks(
+                    feedback=lambda message: heard.append(message.distance_remaining),
+                    ended=lambda status, result: heard.append((status, result.error_msg)),
+                ),
+            )
+            spin_until([ros], lambda: len(heard) == 2, what="feedback and result")
+        else:
+            spin_for([ros], 3.0)
+            assert not caller.ready()
         spin_until([ros], lambda: told in capfd.readouterr().err, what="a line of the log")
     kind = "nav2_msgs/action/NavigateToPose_FeedbackMessage"
     start = f"/navigate_to_pose/_action/feedback: node /bt_navigator uses another definition: here {kind} "
@@ -90,4 +95,4 @@ def test_it_is_told_by_name_and_the_drive_goes_on(capfd: pytest.CaptureFixture[s
     assert told.endswith(
         "; build both sides from the same interface packages, and the same distribution of ROS 2"
     )
-    assert heard == [2.5, (4, "there")]
+    assert heard == ([2.5, (4, "there")] if distribution() == "jazzy" else [])
