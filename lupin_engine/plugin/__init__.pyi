@@ -6,6 +6,7 @@ from .builtin import TIME_ZONE as TIME_ZONE
 from .builtin import is_builtin as is_builtin
 from .clients import make_client as make_client
 from .contract import CLOSED_CODE as CLOSED_CODE
+from .contract import DIVERT_CODE as DIVERT_CODE
 from .contract import EXECUTION_CODE as EXECUTION_CODE
 from .contract import OPERATION_CODES as OPERATION_CODES
 from .contract import PROPERTY_CODE as PROPERTY_CODE

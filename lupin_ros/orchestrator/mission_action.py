@@ -15,7 +15,7 @@ from typing import Any
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine import Step, View
-from lupin_engine.plugin import RESTARTED, START_VERB, Fields, classify
+from lupin_engine.plugin import DIVERT_CODE, RESTARTED, START_VERB, Fields, classify
 from lupin_ros.adapter.actions import RESULT_KEPT_S
 from lupin_ros.adapter.node import RosNode, ServedGoal
 from lupin_ros.interfaces.definitions import interface_class
@@ -114,7 +114,7 @@ class MissionAction:
         if run is None or view.mission_id != run.mission_id:
             return
         if step.accepted and step.event.name == f"operator.{self._loop.chart.profile.abort}":
-            code = step.codes[0] if step.codes else None
+            code = next((each for each in step.codes if each.code != DIVERT_CODE), None)
             by = self._publisher.origin[1].get("by", "")
             text = f"{code.label if code else 'mission aborted'}{f' by {by}' if by else ''}"
             run.aborted = run.aborted or (code.code if code else "aborted", text)

@@ -16,8 +16,9 @@ no transitions. `before_divert` becomes ordinary transitions. For a divert and a
         states: {PUT_DOWN: ...}                      states:
                                                        PUT_DOWN: {after: {60 s: set divert_due}}
 
-`waits` is `in_state('CARRY') and not divert_due`. A request takes the place of the divert
-that waits; a level or a time does not.
+Elsewhere in the mission what needs no event has the guard `divert == ''`: it is further in than a divert.
+`waits` is `in_state('CARRY') and not divert_due`. A request takes the place of the divert that waits; a level
+or a time does not.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from lupin_engine.chart.semantics import DIVERT, DIVERT_DUE, TIMERS
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import DIVERT_CODE
-from lupin_engine.plugin.types import BOOL, DURATION, TEXT
+from lupin_engine.plugin.types import ANY, BOOL, DURATION, TEXT
 
 
 class Diverts:
@@ -100,6 +101,8 @@ class Diverts:
         found = dict(states)
         for name, node in self._waited_for.items():
             self._leave_in_order(name, node, found)
+        if self._waited_for:
+            found = {name: self._after_diverts(state) for name, state in found.items()}
         around = {above.name for name in self._waited_for for above in _outside(self._forest.drafts[name])}
         for name in around:
             found[name] = self._that_waits(found[name])
@@ -129,6 +132,25 @@ class Diverts:
             states[way] = replace(states[way], entry=(_set(DIVERT_DUE, False, place), *states[way].entry))
         limited = way or name
         states[limited] = _with_limit(states[limited], Timer("", within, node.at("within")))
+
+    def _after_diverts(self, state: State) -> State:
+        """Return a state of a mission whose transitions without an event come after a divert that waits.
+
+        They are further in, and would be preferred.
+        """
+        inside = any(above.name in self._waited_for for above in self._forest.drafts[state.name].up())
+        if inside or not state.mission:
+            return state
+        rules = [
+            self._later_than_diverts(rule) if rule.event == "" or rule.event.startswith("input.") else rule
+            for rule in state.transitions
+        ]
+        return replace(state, transitions=tuple(rules))
+
+    def _later_than_diverts(self, rule: Transition) -> Transition:
+        own = f"({rule.guard.source}) and " if rule.guard else ""
+        guarded = self._guarded(rule, "", f"{own}{DIVERT} == ''")
+        return replace(guarded, derived=False, written=rule.guard)
 
     # -- the diverts --------------------------------------------------------------------------------------
 
@@ -169,13 +191,14 @@ class Diverts:
     def _guarded(self, rule: Transition, word: str, guard: str) -> Transition:
         """Return a transition with another guard; `word` is the last of its id."""
         draft = self._forest.drafts[rule.source]
-        condition = self._condition(guard, draft, rule.place)
+        inside = rule.id.startswith(path_of(rule.source, "use.on."))
+        condition = self._condition(guard, draft, rule.place, inside)
         return replace(rule, id=f"{rule.id}.{word}".rstrip("."), guard=condition, derived=True)
 
-    def _condition(self, text: str, draft: Draft, place: Place) -> Condition:
-        found = read_guard(
-            text_at(text, place), place, any_event(draft), self._findings, path_of(draft.name, "on")
-        )
+    def _condition(self, text: str, draft: Draft, place: Place, inside: bool = False) -> Condition:
+        """Read a condition; `inside`: of the mission that the state uses."""
+        scope = draft.inner.with_names({"event": ANY}) if inside and draft.inner else any_event(draft)
+        found = read_guard(text_at(text, place), place, scope, self._findings, path_of(draft.name, "on"))
         assert found is not None, f"{text} is no condition"
         return Condition(found.source, found.place, found.type, found.evaluate, found.parts)
 

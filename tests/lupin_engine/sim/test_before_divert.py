@@ -138,6 +138,15 @@ def test_a_restart_forgets_no_divert(tmp_path: Path) -> None:
     assert (made.view.lifecycle, [name for _, name in story(made)][-2:]) == ("DONE", ["REST", "DRIVING_HOME"])
 
 
+def test_what_needs_no_event_does_not_come_before_the_divert(tmp_path: Path) -> None:
+    """The state after the last one that is waited for leads back at once: the divert comes all the same."""
+    text = MISSION.replace("REST: {after: {60 s: CARRY}}", "REST: {always: CARRY}")
+    script = Script("Deliver", rules=(RIDING,), happenings=(Happening(ABORT, 1.0, "WALK"),), limit=300.0)
+    made = simulate(chart(tmp_path, text), script)
+    assert (made.view.lifecycle, made.violated) == ("DONE", ())
+    assert [name for _, name in story(made)][-2:] == ["REST", "DRIVING_HOME"]
+
+
 def test_an_error_leads_out_at_once(tmp_path: Path) -> None:
     fails = Rule("nav.go_to", (MockOutcome(after=5.0, code="nav_failed"),))
     made = run(tmp_path, ("RIDE", 2.0, ABORT), rules=(fails,))
