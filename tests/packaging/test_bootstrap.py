@@ -121,7 +121,11 @@ def test_a_distribution_that_cannot_be_had_is_told_before_anything_is_installed(
     variables: dict[str, str], told: str
 ) -> None:
     run = subprocess.run(
-        ["make", "environment"], env={**os.environ, **variables}, cwd=ROOT, capture_output=True, text=True
+        ["make", "--no-print-directory", "environment"],
+        env={**os.environ, **variables},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
     )
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.startswith(told)
