@@ -30,6 +30,9 @@ PRIVATE = {
         "_take_timer": "takes a tick",
         "_take_waitable": "takes what actions and events have",
     },
+    "lupin_ros/adapter/lifecycle.py": {
+        "_state_machine": "its services would stay until it is collected",
+    },
     "lupin_ros/adapter/parameters.py": {
         "_parameter_overrides": "those that are not declared are known nowhere else",
     },

@@ -100,7 +100,7 @@ MORE = {
     "frontier_timeout_s",  # a search ends when nothing is left to explore
     "frontier_avoid_distance_m",  # a frontier to which there was no way is not chosen again
 }
-OF_ROS = {"use_sim_time", "start_type_description_service", "frame_prefix"}
+OF_ROS = {"autostart_node", "frame_prefix", "start_type_description_service", "use_sim_time"}
 
 #: Lower and upper end of what is allowed; where nothing stands a number is free.
 RANGES: dict[str, tuple[float, float]] = {
