@@ -27,7 +27,7 @@ export function RequestButton({ label, verb, mission = "", request = {}, possibl
   const reason = reasonOf(possible);
   const twice = missions.shown.value?.value.ends === verb;
   const press = (): void => {
-    if (reason || (!mission && justMoved()) || (check && !check())) return;
+    if (reason || (!mission && justMoved(verb)) || (check && !check())) return;
     if (!twice || isSecond(verb)) void command(verb, mission, request);
   };
   const armed = twice && !reason && pressed.value?.verb === verb;
@@ -50,21 +50,35 @@ export function RequestButton({ label, verb, mission = "", request = {}, possibl
   );
 }
 
-/** Within so many milliseconds after buttons have moved, a press was meant for another one. */
-const MOVED_MS = 600;
-let arrangement = "";
-let movedAt = -Infinity;
+/** Verbs that are known stand in this order, those first that stay possible; others behind them. */
+const ORDER = ["pause", "resume", "dock", "abort", "reset", "skip", "skip_current"];
 
-/** Whether the possible requests, which stand first, have just become others. */
-function justMoved(): boolean {
-  return performance.now() - movedAt < MOVED_MS;
+export function inOrder(one: PossibleRecord, other: PossibleRecord): number {
+  return place(one) - place(other);
+}
+
+function place({ verb }: PossibleRecord): number {
+  const found = ORDER.indexOf(verb);
+  return found < 0 ? ORDER.length : found;
+}
+
+/** Within so many milliseconds after a button has moved, a press of it was meant for another one. */
+const MOVED_MS = 600;
+/** The possible requests stand first: which in which place, and since when each is there. */
+let places: readonly string[] = [];
+const movedAt = new Map<string, number>();
+
+function justMoved(verb: string): boolean {
+  return performance.now() - (movedAt.get(verb) ?? -Infinity) < MOVED_MS;
 }
 
 effect(() => {
   const told = requestsNow.shown.value?.value.requests ?? [];
-  const now = told.filter((each) => each.request.startsWith("operator.") && !reasonOf(each)).map(({ verb }) => verb).join();
-  if (now !== arrangement && arrangement) movedAt = performance.now();
-  arrangement = now;
+  const now = told.filter((each) => each.request.startsWith("operator.") && !reasonOf(each)).sort(inOrder).map(({ verb }) => verb);
+  now.forEach((verb, place) => {
+    if (places.length && places[place] !== verb) movedAt.set(verb, performance.now());
+  });
+  if (now.length) places = now; // none is possible while a request is under way
 });
 
 /** The press that waits for its second one. */

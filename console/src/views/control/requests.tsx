@@ -3,20 +3,7 @@ import { possible } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { reasonOf, verbText } from "../../model/mission/permission";
 import { Panel } from "../../parts/panel";
-import { AnswerOf, RequestButton } from "./button";
-import type { PossibleRecord } from "../../records";
-
-/** Verbs that are known stand in this order; others behind them. */
-const ORDER = ["pause", "resume", "skip", "skip_current", "dock", "abort", "reset"];
-
-export function inOrder(one: PossibleRecord, other: PossibleRecord): number {
-  return place(one) - place(other);
-}
-
-function place({ verb }: PossibleRecord): number {
-  const found = ORDER.indexOf(verb);
-  return found < 0 ? ORDER.length : found;
-}
+import { AnswerOf, inOrder, RequestButton } from "./button";
 
 export function Requests() {
   const t = texts.value.control;

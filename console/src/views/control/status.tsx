@@ -8,7 +8,7 @@ import { mode, texts } from "../../model/page";
 import { commandHindrance, missionNow, missionSince, verbText } from "../../model/mission/permission";
 import { clockTime, number, span } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";
-import { inOrder } from "./requests";
+import { inOrder } from "./button";
 import type { MissionsRecord, OutcomeRecord, PossibleRecord, StepRecord, View } from "../../records";
 
 export function Where() {
