@@ -129,5 +129,6 @@ def test_a_stop_that_was_released_is_not_said_to_be_engaged(page: Page, served: 
     expect(mission.locator(".control-holds")).to_contain_text("the stop is released")
     expect(mission.locator(".control-holds")).to_contain_text("ended by: resume")
     expect(mission).not_to_contain_text("e-stop")
+    page.wait_for_timeout(700)  # the button has just come to its place
     page.locator(".view").get_by_role("button", name="resume", exact=True).click()
     expect(mission).to_contain_text("Asked last: resume by page-")

@@ -287,7 +287,7 @@ def test_a_recording_is_played_and_its_states_are_those_of_its_steps(
             expect(bar(page).get_by_role("button", name="Pause")).to_be_visible()
             expect(bar(page).get_by_role("button", name="Play")).to_be_visible()
             expect(lifecycle).to_contain_text("DONE")
-            expect(page.get_by_role("button", name="Abort")).to_be_disabled()
+            expect(page.get_by_role("button", name="Abort", include_hidden=True)).to_be_disabled()
 
 
 def test_a_recording_tells_why_a_button_was_grey_and_folds_its_chart(
@@ -298,7 +298,8 @@ def test_a_recording_tells_why_a_button_was_grey_and_folds_its_chart(
     with ServedPages("replay", str(recording)) as served:
         for page in opened(context, f"{served.url}#control"):
             page.get_by_role("button", name="To the begin").click()
-            row = page.locator(".control-request", has=page.get_by_role("button", name="resume", exact=True))
+            resume = page.get_by_role("button", name="resume", exact=True, include_hidden=True)
+            row = page.locator(".control-request", has=resume)
             expect(row).to_contain_text("This is a recording: nothing can be commanded. Then: ")
             page.goto(f"{served.url}#chart")
             inner = page.locator(f".paper [data-state='{mission}.INSPECTING']")
