@@ -265,7 +265,6 @@ class BeforeDivert:
 
     within: Value
     leave_by: str | None
-    place: Place
 
 
 class Kind(enum.Enum):

@@ -282,11 +282,12 @@ class Bringup:
         lifecycle, stages = self._progress.lifecycle, self._settings.profile.stages
         if lifecycle in stages.faulted and self.owns_orchestrator:
             problem = f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}"
-            reset = self._settings.profile.verbs.get("reset")
-            advice = f"; mend it, then `lupin {reset}`" if reset else ""
-            if not self._settings.stays_in_fault:
-                raise RunFailed(problem + advice.replace("then", "then `lupin up`, and beside it"))
-            self._observer.note(problem + advice, Severity.ERROR)
+            reset, stays = self._settings.profile.verbs.get("reset"), self._settings.stays_in_fault
+            if reset:
+                problem += f"; mend it, then {'' if stays else '`lupin up`, and beside it '}`lupin {reset}`"
+            if not stays:
+                raise RunFailed(problem)
+            self._observer.note(problem, Severity.ERROR)
         if lifecycle not in stages.starting:
             return []
         details = [str(attempt["detail"]) for attempt in self._view.get("attempts", ()) if attempt["detail"]]

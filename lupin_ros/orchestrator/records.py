@@ -145,14 +145,8 @@ class RecordPublisher:
         if stops or not self._inactive:
             return one
         reason = f"{one['request'].rpartition('.')[2]} refused: {self._inactive}"
-        refused: PossibleRecord = {
-            **one,
-            "possible": False,
-            "fields": False,
-            "code": INACTIVE,
-            "reason": reason,
-        }
-        return {**refused, "engages": [], "releases": []}
+        refused: PossibleRecord = {**one, "possible": False, "fields": False, "engages": [], "releases": []}
+        return {**refused, "code": INACTIVE, "reason": reason}
 
     def status(self) -> str:
         """Return the last steps, available requests and missions that were published, as a JSON object."""

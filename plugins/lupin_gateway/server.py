@@ -17,6 +17,7 @@ import time
 import zlib
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
 from http import HTTPStatus
 from pathlib import Path
@@ -158,6 +159,12 @@ class _ConsoleFiles(StaticFiles):
         return response
 
 
+@cache
+def _console() -> _ConsoleFiles:
+    """Return the console's files, which the gateways of several robots share."""
+    return _ConsoleFiles()
+
+
 class Gateway:
     """The connections of one process."""
 
@@ -194,7 +201,7 @@ class Gateway:
             Route("/status", self._status),
             Route("/history", self._history),
             Route("/robots", self._robots),
-            Mount("/", _ConsoleFiles()),
+            Mount("/", _console()),
         ]
         return self._watched(AuthMiddleware(Starlette(routes=routes), self.rules, self.gate))
 

@@ -79,22 +79,17 @@ class Diverts:
 
     def declare(self, context: dict[str, Variable]) -> None:
         """Declare the variables of a chart in which a divert may wait."""
-        for name in self._waited_for:
-            place = self._place(name)
-            for variable, kind, default in ((DIVERT, TEXT, ""), (DIVERT_DUE, BOOL, False)):
-                if variable in context and context[variable].place != place:
-                    problem = f"the variable {variable!r} is that of 'before_divert'"
-                    at = context[variable].place
-                    self._findings.add(
-                        at, "conflicting-definition", f"context.{variable}", problem, "rename yours"
-                    )
-                context[variable] = Variable(variable, kind, Constant(default, place, kind), place, True)
+        if not self._waited_for:
             return
-
-    def _place(self, name: str) -> Place:
-        node = self._forest.drafts[name].node
+        node = self._forest.drafts[next(iter(self._waited_for))].node
         assert node is not None
-        return node.key_at("before_divert")
+        place = node.key_at("before_divert")
+        for variable, kind, default in ((DIVERT, TEXT, ""), (DIVERT_DUE, BOOL, False)):
+            if variable in context:
+                problem, at = f"the variable {variable!r} is that of 'before_divert'", context[variable].place
+                path = f"context.{variable}"
+                self._findings.add(at, "conflicting-definition", path, problem, "rename yours")
+            context[variable] = Variable(variable, kind, Constant(default, place, kind), place, True)
 
     def put_off(self, states: Mapping[str, State]) -> dict[str, State]:
         """Return the states of the chart with the transitions that let diverts wait."""
@@ -123,7 +118,7 @@ class Diverts:
             way = self._forest.resolve_child(node.leave_by, draft, node.at("leave_by"), path)
         if within is None or (way is None and node.leave_by is not None):
             return
-        state = replace(states[name], before_divert=BeforeDivert(within, way, place))
+        state = replace(states[name], before_divert=BeforeDivert(within, way))
         states[name] = replace(state, entry=(_set(DIVERT_DUE, False, place), *state.entry))
         if way is not None:
             waits = f"{DIVERT} != '' and not {DIVERT_DUE} and not in_state('{way}')"
@@ -142,15 +137,12 @@ class Diverts:
         if inside or not state.mission:
             return state
         rules = [
-            self._later_than_diverts(rule) if rule.event == "" or rule.event.startswith("input.") else rule
+            self._only_if(rule, f"{DIVERT} == ''")
+            if rule.event == "" or rule.event.startswith("input.")
+            else rule
             for rule in state.transitions
         ]
         return replace(state, transitions=tuple(rules))
-
-    def _later_than_diverts(self, rule: Transition) -> Transition:
-        own = f"({rule.guard.source}) and " if rule.guard else ""
-        guarded = self._guarded(rule, "", f"{own}{DIVERT} == ''")
-        return replace(guarded, derived=False, written=rule.guard)
 
     # -- the diverts --------------------------------------------------------------------------------------
 
@@ -169,8 +161,7 @@ class Diverts:
 
     def _written_out(self, rule: Transition) -> Iterator[Transition]:
         """Yield how a divert is put off, refused while it waits, taken at once and, last, taken later."""
-        active = " or ".join(f"in_state('{name}')" for name in self._waited_for)
-        waits, own = f"({active}) and not {DIVERT_DUE}", f"({rule.guard.source}) and " if rule.guard else ""
+        waits, own = self._waits, _own_guard(rule)
         asked = rule.event.startswith("operator.")
         others = f"{DIVERT} != '{rule.id}'" if asked else f"{DIVERT} == ''"
         yield replace(
@@ -183,10 +174,20 @@ class Diverts:
         if asked:
             again = self._guarded(rule, "again", f"{own}{waits}")
             yield replace(again, target=None, actions=(), code=None, detail=None, refuse=DIVERT_CODE)
-        at_once = self._guarded(rule, "", f"{own}not ({waits})")
-        yield replace(at_once, derived=False, written=rule.guard)
+        yield self._only_if(rule, f"not ({waits})")
         afterwards = self._guarded(rule, "afterwards", f"{DIVERT} == '{rule.id}' and not ({waits})")
         yield replace(afterwards, event="")
+
+    @property
+    def _waits(self) -> str:
+        """The condition under which a divert waits."""
+        active = " or ".join(f"in_state('{name}')" for name in self._waited_for)
+        return f"({active}) and not {DIVERT_DUE}"
+
+    def _only_if(self, rule: Transition, condition: str) -> Transition:
+        """Return a written transition that is taken only if a condition holds as well."""
+        guarded = self._guarded(rule, "", f"{_own_guard(rule)}{condition}")
+        return replace(guarded, derived=False, written=rule.guard)
 
     def _guarded(self, rule: Transition, word: str, guard: str) -> Transition:
         """Return a transition with another guard; `word` is the last of its id."""
@@ -201,6 +202,11 @@ class Diverts:
         found = read_guard(text_at(text, place), place, scope, self._findings, path_of(draft.name, "on"))
         assert found is not None, f"{text} is no condition"
         return Condition(found.source, found.place, found.type, found.evaluate, found.parts)
+
+
+def _own_guard(rule: Transition) -> str:
+    """Return the guard of a transition, to be continued by a further condition."""
+    return f"({rule.guard.source}) and " if rule.guard else ""
 
 
 def _outside(draft: Draft) -> Iterator[Draft]:
